@@ -27,6 +27,7 @@ class Virtual:
     ):
         self._inner, self._seconds, self._deadline = inner, seconds, deadline
         self.size, self.now, self.busy = workers, 0.0, 0.0
+        self.notes = inner.notes
 
     @property
     def described(self) -> dict:

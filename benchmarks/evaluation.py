@@ -18,7 +18,7 @@ import evocity
 from evocity import isometries
 from evocity.citymap import BUILT_ABOVE
 from evocity.evaluation.evaluator import Evaluator, Setup
-from evocity.fitness import order, sizes
+from evocity.fitness import directions, sizes
 
 BLOCK, REACH = 4, 12
 
@@ -79,7 +79,7 @@ def plain_alignment(heights, pixel):
     real, imaginary = smoothed(dx**2 - dy**2), smoothed(2 * dx * dy)
     weight = np.hypot(real, imaginary)
     field = weight * np.exp(2j * np.arctan2(imaginary, real))
-    settings = {"sigma": order.NEIGHBOURHOOD / pixel, "mode": "constant", "truncate": 2.0}
+    settings = {"sigma": directions.NEIGHBOURHOOD / pixel, "mode": "constant", "truncate": 2.0}
     cosine, sine, total = (
         ndimage.gaussian_filter(part, **settings) for part in (field.real, field.imag, weight)
     )

@@ -25,6 +25,7 @@ from evocity.search.breeding.plans import UNGUIDED
 from evocity.search.preparation.preparation import prepare
 from evocity.selection.fronts import not_dominated
 from evocity.store.merge import write_single
+from evocity.store.run_directory import RunDirectory
 from evocity.store.schema import births_table
 
 POPULATION, PER_WORKER, SPREAD = 64, 16, np.log(2.0)
@@ -80,10 +81,10 @@ def measured(pixels: int, births: int) -> tuple[Clock, float]:
         clock.timed("selection", island.admit_birth, row, looks)
         children.append(row)
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "births.parquet"
+        path, directory = Path(folder) / "births.parquet", RunDirectory(folder)
 
         def write() -> None:
-            write_single(births_table(children, prepared.header), path)
+            write_single(directory, births_table(children, prepared.header), path)
 
         for _ in range(3):
             clock.timed("writing", write)

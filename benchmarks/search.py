@@ -25,8 +25,8 @@ import evocity
 from evocity import isometries
 from evocity.accelerate import kernel
 from evocity.coding.matching import best_matches, pairs_compared
+from evocity.coding.matching.candidates import Shapes, uneven_blocks
 from evocity.coding.matching.domains import domain_pools
-from evocity.coding.matching.shapes import Shapes, uneven_blocks
 from evocity.coding.parameters import Coding
 from evocity.io import cities
 from evocity.pavement import Pavement

@@ -69,7 +69,7 @@ def point_of(genome) -> Point:
 class Toy:
     """An engine that breeds points: each number of one parent or of the other, one or so moved."""
 
-    size, described = 1, {"engine": "toy", "workers": 0}
+    size, described, notes = 1, {"engine": "toy", "workers": 0}, ()
 
     def run(self, method: str, jobs) -> list[Outcome]:
         return [self.born(*job) if method == "born" else Outcome("ok") for job in jobs]

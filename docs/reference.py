@@ -49,9 +49,11 @@ def entry(measure: Measure) -> str:
         told.append(f"- **{name}**: {body}")
     of_the_city = [need for need in measure.needs if need != "reference"]
     if of_the_city:
-        told.append(f"- **Asks for**: the {' and the '.join(of_the_city)} of the city too.")
+        told.append(
+            f"- **Arguments**: the city, and the {' and the '.join(of_the_city)} of the city."
+        )
     if "reference" in measure.needs:
-        told.append("- **Asks for**: a reference, the cities it compares with.")
+        told.append("- **Arguments**: the city, and a reference: the cities to compare with.")
     told[0] += "" if len(told) == 1 else "\n" + told.pop(1)
     if example:
         told.append(f"\n```pycon\n>>> {example.strip()}\n```")

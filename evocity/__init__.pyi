@@ -81,19 +81,20 @@ class _Fitness:
         data: str | Sequence[str] = (),
         of: str = "city",
     ) -> Callable[[Callable], _fitness.Measure | _fitness.Family]: ...
-    EXTRAS = _fitness.EXTRAS
-    GOALS = _fitness.GOALS
-    WEIGHTED = _fitness.WEIGHTED
     Aims = _fitness.Aims
     Constraint = _fitness.Constraint
+    EXTRAS = _fitness.EXTRAS
     Family = _fitness.Family
+    GOALS = _fitness.GOALS
     Measure = _fitness.Measure
     Objective = _fitness.Objective
     Part = _fitness.Part
     Reference = _fitness.Reference
     SizeFit = _fitness.SizeFit
+    SizeLaw = _fitness.SizeLaw
     TypeTable = _fitness.TypeTable
     Undefined = _fitness.Undefined
+    WEIGHTED = _fitness.WEIGHTED
     Wanted = _fitness.Wanted
     alignment = _fitness.alignment
     alignment_global = _fitness.alignment_global
@@ -117,11 +118,14 @@ class _Fitness:
     elongation = _fitness.elongation
     eri = _fitness.eri
     fabric_distance = _fitness.fabric_distance
+    fit_size_law = staticmethod(_fitness.fit_size_law)
     fit_sizes = staticmethod(_fitness.fit_sizes)
     fitness = staticmethod(_fitness.fitness)
+    frontage = _fitness.frontage
     fsi = _fitness.fsi
     get = staticmethod(_fitness.get)
     gsi = _fitness.gsi
+    height_context = _fitness.height_context
     height_deviation = _fitness.height_deviation
     height_entropy = _fitness.height_entropy
     heritability = staticmethod(_fitness.heritability)
@@ -139,9 +143,12 @@ class _Fitness:
     party_wall_ratio = _fitness.party_wall_ratio
     plugin_warnings = staticmethod(_fitness.plugin_warnings)
     rectangularity = _fitness.rectangularity
+    repeated_footprints = _fitness.repeated_footprints
+    repetition = _fitness.repetition
     roof_flatness = _fitness.roof_flatness
     salingaros = _fitness.salingaros
     salingaros_buildings = _fitness.salingaros_buildings
+    salingaros_law = _fitness.salingaros_law
     shape_cover = _fitness.shape_cover
     shape_dimension = _fitness.shape_dimension
     shape_index = _fitness.shape_index
@@ -150,7 +157,10 @@ class _Fitness:
     sky_view_factor = _fitness.sky_view_factor
     slivers = _fitness.slivers
     small_buildings = _fitness.small_buildings
+    smallest_share = _fitness.smallest_share
+    source_shares = staticmethod(_fitness.source_shares)
     storeys = _fitness.storeys
+    street_distance = _fitness.street_distance
     street_width = _fitness.street_width
     type_distance = _fitness.type_distance
     types_of = staticmethod(_fitness.types_of)
@@ -158,8 +168,8 @@ class _Fitness:
 
 class _Scene:
     __call__ = staticmethod(_scene.scene)
-    SUFFIXES = _scene.SUFFIXES
     Library = _scene.Library
+    SUFFIXES = _scene.SUFFIXES
     Scene = _scene.Scene
     Substitution = _scene.Substitution
     check_suffix = staticmethod(_scene.check_suffix)

@@ -20,8 +20,9 @@ from evocity.views.buildings import (
 )
 from evocity.views.classes import Classes, ClassTable, classified
 from evocity.views.connected_components import pieces
+from evocity.views.limit_tables import read_only
 from evocity.views.orientation import gradients, nearest, structure
-from evocity.views.streets import StreetGraph, street_graph
+from evocity.views.streets import ALLEY_WIDTH, StreetGraph, street_graph
 from evocity.views.walls import Walls, walls_of
 
 if TYPE_CHECKING:
@@ -38,41 +39,44 @@ STOREY = 3.0
 MAX_SIDE, MAX_PIXELS = 32_767, 1 << 27
 #: The range of a pixel's side, metres; its square stays a finite number.
 PIXEL_SIDES = (1e-6, 1e6)
+#: Letters of an attribution, at most; hundreds of sources take less.
+MOST_ATTRIBUTION = 1 << 16
 
 
 class CityMap(Displayed):
-    """A 2D½ city: heights in metres on a square grid, row 0 in the north.
+    """A city as a raster of building heights in metres, with square pixels and row 0 in the north.
 
     Parameters
     ----------
-    heights : array ``(H, W)``, metres above ground, finite, not negative, 0 = ground. The map keeps
-        a read-only copy in float32.
+    heights : array ``(H, W)`` of finite heights above ground, metres, 0 or more. Pixels of open
+        ground have the height 0. The map keeps a read-only copy of the array in float32.
     metres_per_pixel : side of a pixel, metres, greater than 0.
-    name : name of the map in pictures and tables. `evocity.errors.plain_text` removes its control
-        characters.
-    attribution : line that the licence of the source demands, without control characters. Every
-        file and every picture of the map carries this line.
-    origin : ``(x, y)`` of the north-west corner in ``crs``; None for a map without a place on
-        Earth.
-    crs : coordinate reference system in metres, as an authority code or WKT. None for a map without
-        a reference system.
-    height_rules : for each rule that gives heights, the number of buildings whose height it gave.
-        The reader of the file counts them.
+    name : name of the map in pictures and tables. The function `evocity.errors.plain_text` removes
+        control characters from the name.
+    attribution : line of text that the licence of the source requires, without control characters.
+        Every file and every picture of the map contains the attribution.
+    origin : coordinates ``(x, y)`` of the north-west corner in ``crs``; None for a map without a
+        place on Earth.
+    crs : coordinate reference system in metres, as an authority code or WKT; None for a map without
+        such a system.
+    height_rules : number of buildings that got their height from each rule, by the name of the
+        rule. While reading a file, evocity counts the buildings that each rule applies to.
     taken : description of the part of the file that the map shows; ``""`` for a map without a file.
-    site : pixels that belong to a map that is not a rectangle, bool ``(H, W)``. All other pixels
-        count neither as built nor as open ground, and their height is 0. None if all pixels belong
-        to the map. `within` makes maps with a site.
-    corner : ``(row, column)`` of the map's first pixel on the larger map that it was cut from.
+    site : mask of the pixels that belong to a map, bool ``(H, W)``, if the map is not a rectangle.
+        Pixels outside the site have the height 0, and count neither as built nor as open ground. If
+        the site is None, all pixels belong to the map. The method `within` makes maps with a site.
+    corner : ``(row, column)`` of the map's first pixel in a larger map, from which the map was cut.
 
     Raises
     ------
-    MapError : the array is not two-dimensional, or holds NaN, infinity or negative heights. Or the
-        pixel size is not positive. Or the site has another shape than ``heights``, or no true
-        pixel.
+    MapError : the heights are not a two-dimensional array of finite numbers that are 0 or more. A
+        pixel size that is not positive raises MapError. A site without a true pixel, or with
+        another shape than the heights, raises MapError.
 
     The views (`built`, `open_ground`, `labels`, `areas`, `building_labels`, `buildings`, `classes`,
     `outline`, `walls`, `gradients`, `structure`, `distance_to_built`, `open_space`, `streets`,
-    `street_graph`) are read-only. Each view is computed once, at the first access.
+    `street_graph`, `alley_graph`) are read-only. A map computes each of its views once, when you
+    first read the attribute.
     """
 
     heights: np.ndarray
@@ -103,19 +107,26 @@ class CityMap(Displayed):
         array = _checked_heights(heights, name)
         if site is not None:
             site = _checked_site(site, array.shape, name)
-            array = _read_only(np.where(site, array, np.float32(0)))
+            array = read_only(np.where(site, array, np.float32(0)))
         low, high = PIXEL_SIDES
         if not (isinstance(metres_per_pixel, Real) and low <= metres_per_pixel <= high):
             raise MapError(
                 f"{name}: {setting('metres_per_pixel', metres_per_pixel)}",
-                f"a positive number of metres, {low:g} to {high:g}",
-                "give the side of a pixel in metres, for example 2.0",
+                f"a number of metres above 0, from {low:g} to {high:g}",
+                "set the side of a pixel in metres, for example 2.0",
+            )
+        attribution = plain_text(str(attribution))
+        if len(attribution) > MOST_ATTRIBUTION:
+            raise MapError(
+                f"{name}: an attribution of {len(attribution)} letters",
+                f"at most {MOST_ATTRIBUTION} letters",
+                "shorten the attribution, for example to a link",
             )
         self.__dict__.update(
             heights=array,
             metres_per_pixel=float(metres_per_pixel),
             name=plain_text(str(name)),
-            attribution=plain_text(str(attribution)),
+            attribution=attribution,
             origin=None if origin is None else (float(origin[0]), float(origin[1])),
             crs=crs,
             height_rules=dict(height_rules or {}),
@@ -155,22 +166,23 @@ class CityMap(Displayed):
 
     @property
     def pixels(self) -> int:
-        """Number of pixels that belong to the map: those of its site, or all."""
+        """Number of pixels that belong to the map: pixels of the site, or else all pixels."""
         return self.heights.size if self.site is None else int(np.count_nonzero(self.site))
 
     @property
     def area(self) -> float:
-        """Area of the map, or of its site if it has one, m²."""
+        """Area of the map, m². In a map with a site, only the pixels of the site count towards the
+        area."""
         return self.pixels * self.metres_per_pixel**2
 
     def within(self, mask: np.ndarray) -> "CityMap":
         """Cut out the part of the map where ``mask``, bool ``(H, W)``, is true.
 
-        The result is the smallest rectangle that contains this part. Its site is the mask, unless
-        the mask fills the rectangle. The border of the part cuts buildings, as the border of every
-        map does.
+        The result is the smallest rectangular map that contains all true pixels of the mask. The
+        site of the result is the mask, unless the mask fills the rectangle. The border of the mask
+        may cut buildings, as the border of every map does.
 
-        Raises `MapError` if the mask has another shape than the map, or no true pixel.
+        Raises `MapError` if the mask differs in shape from the map, or has no true pixel.
         """
         mask = _checked_site(mask, self.shape, self.name)
         rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
@@ -187,48 +199,48 @@ class CityMap(Displayed):
         )
 
     def of_whole(self, array: np.ndarray) -> np.ndarray:
-        """Cut an ``array`` ``(H, W)`` to the pixels of this map.
+        """Cut an ``array`` ``(H, W)`` of a larger map to the pixels of this map.
 
-        The array covers the larger map that this map was cut from. An array of this map's own size
-        is returned unchanged.
+        This map was cut from the larger map. An array that already has the size of this map is
+        returned unchanged.
         """
         top, left = self.corner if array.shape != self.shape else (0, 0)
         height, width = self.shape
         return array[top : top + height, left : left + width]
 
     def replace(self, heights: np.ndarray, **changes: Any) -> "CityMap":
-        """Make a map with other heights. All other fields stay, except those given in
-        ``changes``."""
+        """Make a copy of the map with new heights, in which ``changes`` replace other fields of the
+        map."""
         described = {name: self.__dict__[name] for name in ("metres_per_pixel", *_DESCRIBED)}
         return CityMap(heights, **(described | changes))
 
     @cached_property
     def built(self) -> np.ndarray:
         """Bool ``(H, W)``: pixels higher than `BUILT_ABOVE`. About 10 µs at 256²."""
-        return _read_only(self.heights > BUILT_ABOVE)
+        return read_only(self.heights > BUILT_ABOVE)
 
     @cached_property
     def open_ground(self) -> np.ndarray:
         """Bool ``(H, W)``: pixels of the map, within its `site`, that are not built."""
-        return _read_only(~self.built if self.site is None else self.site & ~self.built)
+        return read_only(~self.built if self.site is None else self.site & ~self.built)
 
     @cached_property
     def labels(self) -> np.ndarray:
         """Int32 ``(H, W)``: 0 on open ground, 1…n on the n built components, which touch by
         pixel sides (4 neighbours). About 0.4 ms at 256²."""
-        return _read_only(pieces(self.built)[0])
+        return read_only(pieces(self.built)[0])
 
     @cached_property
     def areas(self) -> np.ndarray:
         """Float64 ``(n,)``: footprint of each built component, m², in the order of `labels`."""
         counts = np.bincount(self.labels.ravel())[1:]
-        return _read_only(counts * self.metres_per_pixel**2)
+        return read_only(counts * self.metres_per_pixel**2)
 
     @cached_property
     def building_labels(self) -> np.ndarray:
         """Int32 ``(H, W)``: 0 on open ground, 1…n on the n `buildings`, without the table. About 1
         ms at 256²; maps decoded with settled roofs have it already."""
-        return _read_only(zones_of(self.heights, self.labels, self.metres_per_pixel))
+        return read_only(zones_of(self.heights, self.labels, self.metres_per_pixel))
 
     @cached_property
     def buildings(self) -> Buildings:
@@ -239,8 +251,9 @@ class CityMap(Displayed):
         return measured(self.heights, self.labels, zones, pixel, self.site)
 
     def told_apart(self, step: float = STEP) -> Buildings:
-        """Separate the buildings at gaps, and at steps of height above ``step`` metres. Infinity
-        separates them only at gaps. See `evocity.views.buildings.separate_buildings`."""
+        """Separate buildings at gaps, and at places where the height changes by more than ``step``
+        metres. If ``step`` is infinite, only gaps separate buildings. See
+        `evocity.views.buildings.separate_buildings`."""
         return separate_buildings(
             self.heights, self.labels, self.metres_per_pixel, step, site=self.site
         )
@@ -252,8 +265,8 @@ class CityMap(Displayed):
         return self.classified()
 
     def classified(self, table: ClassTable | None = None) -> Classes:
-        """Classify the objects by your own table of classes, in place of the package's. See
-        `evocity.views.classes`."""
+        """Classify the objects on the map according to a table of classes, by default the table of
+        the package. See `evocity.views.classes`."""
         pixel, site = self.metres_per_pixel, self.site
         return classified(self.heights, self.buildings, pixel, table, site)
 
@@ -271,8 +284,8 @@ class CityMap(Displayed):
         return self.walled()
 
     def walled(self, **how: Any) -> Walls:
-        """Fit the straight walls with your own options ``detail``, ``relative``, ``squared``,
-        ``storeys`` and ``least_area``. See `evocity.views.walls.walls_of`."""
+        """Fit straight walls to the buildings, with the options of `evocity.views.walls.walls_of`:
+        ``detail``, ``relative``, ``squared``, ``storeys`` and ``least_area``."""
         return walls_of(
             self.building_labels,
             self.buildings.height,
@@ -285,8 +298,8 @@ class CityMap(Displayed):
 
     @property
     def north_west(self) -> tuple[float, float]:
-        """Coordinates ``(x, y)`` of the north-west corner. For a map without an origin they are
-        metres from the south-west corner."""
+        """Coordinates ``(x, y)`` of the north-west corner. In a map without an origin, coordinates
+        are metres from the south-west corner."""
         return self.origin or (0.0, self.shape[0] * self.metres_per_pixel)
 
     @cached_property
@@ -294,7 +307,7 @@ class CityMap(Displayed):
         """Float32 pair ``(d/dy, d/dx)`` of the heights, metres a metre, y to the south, by the
         Scharr operator, edges repeated. About 1 ms at 256²."""
         along_y, along_x = gradients(self._extended_heights, self.metres_per_pixel)
-        return _read_only(along_y), _read_only(along_x)
+        return read_only(along_y), read_only(along_x)
 
     @property
     def _extended_heights(self) -> np.ndarray:
@@ -308,13 +321,13 @@ class CityMap(Displayed):
         """Float32 ``(2, H, W)``: w cos 2θ and w sin 2θ, with the direction θ of the gradient,
         normal to the walls, from east towards south, and its square w; smoothed, since façades in a
         raster are staircases (`evocity.views.orientation`). About 1.2 ms at 256²."""
-        return _read_only(structure(*self.gradients, self.site))
+        return read_only(structure(*self.gradients, self.site))
 
     @cached_property
     def distance_to_built(self) -> np.ndarray:
         """Float32 ``(H, W)``: metres from each pixel's centre to the centre of the nearest built
         pixel, 0 on built pixels, infinity without any. Exact. About 0.9 ms at 256²."""
-        return _read_only(ground.distance_to_built(self.built, self.metres_per_pixel))
+        return read_only(ground.distance_to_built(self.built, self.metres_per_pixel))
 
     @cached_property
     def open_space(self) -> ground.OpenSpace:
@@ -334,10 +347,16 @@ class CityMap(Displayed):
         coordinates of `outline`. `street_graph_of` takes other options. About 20 ms at 256²."""
         return self.street_graph_of()
 
+    @cached_property
+    def alley_graph(self) -> StreetGraph:
+        """The street graph with alleys too: edges of 4 m and more, where `street_graph` has those
+        of 8 m and more. About 20 ms at 256²."""
+        return self.street_graph_of(least_width=ALLEY_WIDTH)
+
     def street_graph_of(self, **how: Any) -> StreetGraph:
-        """Make the street graph with your own options ``closed``, ``least_width``, ``spurs``,
-        ``places``, ``courts``, ``kinds`` and ``water``. See
-        `evocity.views.streets.street_graph`."""
+        """Make the street graph of the map, with the options of
+        `evocity.views.streets.street_graph`: ``closed``, ``least_width``, ``spurs``, ``places``,
+        ``courts``, ``kinds`` and ``water``."""
         return street_graph(
             self.open_ground,
             self.building_labels,
@@ -355,25 +374,25 @@ def _checked_heights(heights: np.ndarray, name: str) -> np.ndarray:
         array = np.empty(0)
     if array.ndim != 2 or array.size == 0:
         raise MapError(
-            f"{name}: the heights have the shape {array.shape}",
-            "an array of two axes that is not empty, with rows from north to south",
-            "give one height in metres per pixel",
+            f"{name}: the array of heights has the shape {array.shape}",
+            "an array with two axes and at least one height, with rows from north to south",
+            "pass an array with one height per pixel, in metres",
         )
     lowest = array.min()  # NaN if any is NaN
     if not (np.isfinite(lowest) and np.isfinite(array.max())):
         raise MapError(
             f"{name}: {np.count_nonzero(~np.isfinite(array))} heights are NaN or infinite",
-            "finite heights in metres",
-            "set unknown pixels to 0 (ground) or to a default height first",
+            "only finite heights, in metres",
+            "replace the unknown heights with 0 (ground) or with a default height",
         )
     if lowest < 0:
         raise MapError(
             f"{name}: {np.count_nonzero(array < 0)} heights are below ground, the lowest "
             f"{lowest:g} m",
-            "heights above ground, 0 or more",
-            "subtract the terrain first, or set negative heights to 0",
+            "only heights above ground, 0 m or more",
+            "subtract the terrain from the heights, or set negative heights to 0",
         )
-    return _read_only(array)
+    return read_only(array)
 
 
 def _checked_site(site: np.ndarray, shape: tuple[int, int], name: str) -> np.ndarray:
@@ -381,29 +400,26 @@ def _checked_site(site: np.ndarray, shape: tuple[int, int], name: str) -> np.nda
     if array.dtype != bool or array.shape != shape:
         raise MapError(
             f"{name}: the mask of a part has the type {array.dtype} and the shape {array.shape}",
-            f"booleans of the shape {shape}, one per pixel of the map",
-            "make booleans by a comparison, for example numbers > 0",
+            f"an array of booleans with the shape {shape}, one for each pixel of the map",
+            "compare the array with a number to get booleans, for example array > 0",
         )
     if not array.any():
         raise MapError(
-            f"{name}: the mask of a part marks no pixel", "at least one pixel", "mark some pixels"
+            f"{name}: the mask of a part of the map marks no pixel",
+            "a mask that is True for at least one pixel",
+            "mark at least one pixel",
         )
-    return _read_only(array.copy())
-
-
-def _read_only(array: np.ndarray) -> np.ndarray:
-    array.setflags(write=False)
-    return array
+    return read_only(array.copy())
 
 
 def same_grid(maps: "list[CityMap]") -> None:
-    """Raise `MapError` unless all maps have the same size and the same pixel size."""
+    """Raise `MapError` unless all maps have the same number and size of pixels."""
     first = maps[0]
     for other in maps[1:]:
         if other.shape != first.shape or other.metres_per_pixel != first.metres_per_pixel:
             raise MapError(
                 f"{other.name} has {other.shape[0]} × {other.shape[1]} px of "
-                f"{other.metres_per_pixel:g} m, {first.name} has "
+                f"{other.metres_per_pixel:g} m, but {first.name} has "
                 f"{first.shape[0]} × {first.shape[1]} px of {first.metres_per_pixel:g} m",
                 "maps with the same number and size of pixels, so that they can be bred together",
                 f"read both maps with the same {keyword('pixels')} and "

@@ -10,8 +10,7 @@ import pyarrow as pa
 
 
 def column_of(values: np.ndarray) -> pa.Array:
-    """Convert numbers or booleans ``(n,)`` to a column of the same type, without nulls. It shares
-    memory with ``values``, which must not change; booleans are packed in bits."""
+    """Convert numbers or booleans ``(n,)`` to a column that shares memory with numbers."""
     values = np.ascontiguousarray(values)
     items = np.packbits(values, bitorder="little") if values.dtype == bool else values
     kind = pa.from_numpy_dtype(values.dtype)
@@ -19,8 +18,8 @@ def column_of(values: np.ndarray) -> pa.Array:
 
 
 def array_of(column: pa.Array | pa.ChunkedArray) -> np.ndarray:
-    """Convert a ``column`` of numbers or booleans to an array ``(n,)`` of its type, read-only.
-    Nulls of floats become NaN; raises ValueError for other nulls."""
+    """Convert a ``column`` of numbers or booleans to a read-only array ``(n,)``. Nulls of floats
+    become NaN; raises ValueError for other nulls, and for other types."""
     array = column.combine_chunks() if isinstance(column, pa.ChunkedArray) else column
     values = _items(array)
     if array.null_count:
@@ -33,11 +32,14 @@ def array_of(column: pa.Array | pa.ChunkedArray) -> np.ndarray:
 
 def _items(array: pa.Array) -> np.ndarray:
     """Return the values of an ``array``; arbitrary ones where it is null."""
+    kind = array.type
+    if not (kind == pa.bool_() or pa.types.is_integer(kind) or pa.types.is_floating(kind)):
+        raise ValueError(f"a column of {kind}, not of numbers")
     start, stop = array.offset, array.offset + len(array)
     _, items = array.buffers()
-    if array.type == pa.bool_():
+    if kind == pa.bool_():
         return _truths(items)[start:stop]
-    return np.frombuffer(items or b"", array.type.to_pandas_dtype())[start:stop]
+    return np.frombuffer(items or b"", kind.to_pandas_dtype())[start:stop]
 
 
 def lists_of(column: pa.ListArray | pa.ChunkedArray) -> tuple[np.ndarray, np.ndarray]:

@@ -14,20 +14,24 @@ from evocity.pavement import Pavement
 
 
 class Condensation:
-    """Heights C that decoding keeps where a mask covers the map: W(I) = ∪ ω_i(I), then C on top
+    """Fixed heights C that decoding never changes in the masked pixels of a map.
+
+    Each decoding step computes W(I) = ∪ ω_i(I), and then writes the fixed heights C into the result
     (condensation IFS: Marsault 2002 §6.2, 2005 §4.2). A condensation is immutable.
 
     Parameters
     ----------
-    heights : array ``(H, W)``, metres. Heights under the mask are finite and not negative.
-    mask : bool ``(H, W)``, true where decoding keeps the heights C. At least one pixel is true.
+    heights : array ``(H, W)`` of heights, metres. Heights within the mask are finite and not
+        negative.
+    mask : array of bool ``(H, W)``, true in the pixels whose heights are fixed. The mask has at
+        least one true pixel.
 
     The attributes ``heights`` (float32, 0 outside the mask) and ``mask`` are read-only. Two
-    condensations are equal if they keep the same heights in the same pixels.
+    condensations are equal if they fix the same heights in the same pixels.
 
     Raises
     ------
-    GenomeError : the arrays have wrong shapes or types, the mask is empty, or a height is NaN,
+    GenomeError : an array has a wrong shape or type; the mask has no true pixel; a height is NaN,
         infinite or negative.
     """
 
@@ -40,8 +44,8 @@ class Condensation:
         if wrong.any():
             raise GenomeError(
                 f"{np.count_nonzero(wrong)} condensed heights are NaN, infinite or below 0",
-                "finite heights above ground in metres",
-                "leave these pixels out of the mask, or give them heights",
+                "finite heights above ground, in metres",
+                "remove these pixels from the mask, or set their heights",
             )
         self.heights, self.mask = kept, mask.copy()
         for array in (self.heights, self.mask):
@@ -49,24 +53,24 @@ class Condensation:
 
     @classmethod
     def cut(cls, city: CityMap, mask: np.ndarray) -> "Condensation":
-        """Make a condensation that keeps the heights of ``city`` where ``mask``, bool ``(H, W)``,
+        """Make a condensation that fixes the heights of ``city`` where ``mask``, bool ``(H, W)``,
         is true."""
         return cls(city.heights, mask)
 
     @classmethod
     def from_raster(cls, raster: np.ndarray) -> "Condensation":
-        """Make a condensation from a ``(H, W)`` ``raster``: heights in metres, NaN where nothing is
-        kept. See `raster`."""
+        """Make a condensation from a ``raster`` ``(H, W)`` of fixed heights in metres, with NaN in
+        all other pixels."""
         return cls(raster, ~np.isnan(raster))
 
     @property
     def raster(self) -> np.ndarray:
-        """Kept heights as float32 ``(H, W)``, metres; NaN outside the mask."""
+        """Fixed heights as float32 ``(H, W)``, metres; NaN outside the mask."""
         return np.where(self.mask, self.heights, np.float32(np.nan))
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(H, W) in pixels."""
+        """Size ``(H, W)`` of the map in pixels."""
         return self.mask.shape
 
     def __len__(self) -> int:
@@ -95,22 +99,24 @@ class Condensation:
         return _unpack, (self.shape, bits, kept)
 
     def laid(self, heights: np.ndarray) -> np.ndarray:
-        """Copy ``(H, W)`` ``heights`` and put the kept heights into the copy."""
+        """Return a copy of ``heights`` ``(H, W)`` that contains the fixed heights."""
         return np.where(self.mask, self.heights, heights).astype(heights.dtype, copy=False)
 
     def over(self, other: "Condensation") -> "Condensation":
-        """Join this condensation and the ``other``. Where both cover, this one wins."""
+        """Combine this condensation with the condensation ``other``. Where both masks are true, the
+        result has the heights of this condensation."""
         if self.shape != other.shape:
             raise GenomeError(
                 f"condensations of {_size(self.shape)} and {_size(other.shape)} cannot be joined",
-                "condensations of the same size",
+                "condensations that all have the same size",
                 "make both condensations from the same map",
             )
         return Condensation(self.laid(other.heights), self.mask | other.mask)
 
     def resampled(self, height: int, width: int) -> "Condensation | None":
-        """Resample the condensation to ``height`` × ``width`` px. Each new pixel takes the old
-        pixel at its centre. Return None if no pixel is kept."""
+        """Resample the condensation to ``height`` × ``width`` px. Each new pixel takes the height
+        of the old pixel that lies at the centre of the new pixel. Return None if the new mask has
+        no true pixel."""
         if (height, width) == self.shape:
             return self
         places = ((height, self.shape[0]), (width, self.shape[1]))
@@ -121,10 +127,10 @@ class Condensation:
     # -- files ---------------------------------------------------------------------------
 
     def column(self, pavement: Pavement) -> pa.Array:
-        """Cut the condensation into the range blocks of a pavement, as a column of Arrow.
+        """Return an Arrow column that lists the fixed heights of each range block.
 
-        Each entry lists the heights of one range block, row by row, with NaN where nothing is kept.
-        The entry is null if the block has no kept pixel.
+        Each entry of the column lists the heights in one range block, row by row, with NaN outside
+        the mask. The entry of a range block without fixed heights is null.
         """
         order, starts = _by_blocks(pavement)
         heights = self.raster.ravel()[order]
@@ -139,8 +145,8 @@ class Condensation:
 
     @classmethod
     def from_column(cls, column: pa.ChunkedArray, pavement: Pavement) -> "Condensation":
-        """Make a condensation from a `column`. Raises ValueError if the column is of another
-        kind."""
+        """Make a condensation from an Arrow column that the method `column` returned. Raises
+        ValueError if the type or the length of the column is wrong."""
         kind = pa.list_(pa.float32(), pavement.block**2 if pavement.uniform else -1)
         if column.type != kind or len(column) != len(pavement):
             raise ValueError(f"a condensation of {len(column)} × {column.type}")
@@ -158,7 +164,8 @@ class Condensation:
 
 
 def merged(layers: Iterable[Condensation | None]) -> Condensation | None:
-    """Join condensations; return None without any. Where several cover, the first wins."""
+    """Join several condensations; return None if all ``layers`` are None. If the masks of several
+    condensations contain a pixel, the first condensation determines the pixel's height."""
     first, *others = dict.fromkeys(layer for layer in layers if layer is not None) or [None]
     for other in others:
         first = first.over(other)
@@ -187,20 +194,20 @@ def _check_arrays(heights: np.ndarray, mask: np.ndarray) -> None:
             f"condensed heights of type {heights.dtype} and shape {heights.shape} do not fit a "
             "mask "
             f"of shape {mask.shape}",
-            "numbers, and a mask of the same shape, with rows from north to south",
-            "give one height in metres and one boolean per pixel",
+            "numbers and a mask of the same shape, with rows from north to south",
+            "pass one height in metres and one boolean for each pixel",
         )
     if mask.dtype != bool:
         raise GenomeError(
-            f"the mask has the type {mask.dtype}",
-            "booleans",
-            "make booleans by a comparison: mask > 0",
+            f"the mask of the condensed heights has the type {mask.dtype}",
+            "a mask of booleans",
+            "compare the mask with a number to get booleans: mask > 0",
         )
     if not mask.any():
         raise GenomeError(
-            "the mask marks no pixel",
-            "at least one pixel",
-            "mark some pixels, or leave the condensation out",
+            "the mask of the condensed heights marks no pixel",
+            "a mask that is True for at least one pixel",
+            "mark at least one pixel, or leave out the condensation",
         )
 
 

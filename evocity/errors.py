@@ -5,23 +5,26 @@ Every message has three parts: what arrived, what was expected, what to do.
 
 import contextlib
 import difflib
+import math
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from numbers import Integral, Real
+from typing import Any
 
 
 class EvocityError(Exception):
-    """Error in the user's input.
+    """Error that is caused by the user's input.
 
     Parameters
     ----------
-    found : what is wrong, with its name (file, key or parameter).
-    expected : what would be right.
-    remedy : what to do next, in one sentence.
+    found : description of the wrong input, with the name of the file, key or parameter.
+    expected : description of correct input.
+    remedy : advice on how to correct the input, in one sentence.
 
-    The functions keyword, setting, text_setting and none_setting name a parameter in these texts.
-    The command line replaces such a name by the name of its option. The function ``plain_text``
-    removes control characters. The three texts may have any length. The message, ``str(error)``,
-    has at most `LONGEST` bytes.
+    To name a parameter in a text of the error, use one of the functions `keyword`, `setting`,
+    `text_setting` and `none_setting`. In errors, the command line shows an option such as --way
+    instead of the parameter's name. The error removes control characters from its texts. The texts
+    of the error may have any length, but the message ``str(error)`` has at most `LONGEST` bytes.
     """
 
     _kept = ""  # control characters that a message keeps
@@ -74,8 +77,7 @@ _CONTROL = re.compile(
 
 
 def plain_text(text: str, kept: str = "") -> str:
-    """Replace what a terminal would obey, except for characters in ``kept``: tabs and ends of lines
-    by spaces, other control characters by U+FFFD."""
+    """Replace control characters except those ``kept``, by spaces or U+FFFD."""
 
     def replace(match: re.Match) -> str:
         character = match[0]
@@ -92,14 +94,13 @@ _STRAY = re.compile("[\ufdd0-\ufdd2]")
 
 
 def keyword(name: str, *value: object) -> str:
-    """Name a parameter in a text of an `EvocityError`, as a caller of Python types it: ``layer=``,
-    or with its value ``pixels=256``."""
+    """Name a parameter in an `EvocityError` as Python's callers type it: ``layer=``,
+    ``pixels=256``."""
     return _mark(name, "=", repr(value[0]) if value else "")
 
 
 def setting(name: str, value: object) -> str:
-    """Name a parameter and the value that arrived, in a text of an `EvocityError`: ``block =
-    3``."""
+    """Name a parameter and the value that arrived in an `EvocityError`: ``block = 3``."""
     return text_setting(name, spell(value))
 
 
@@ -118,8 +119,7 @@ def _mark(name: str, joint: str, value: str) -> str:
 
 
 def replace_parameters(text: str, parameter: Callable[[str, str, str], str]) -> str:
-    """Replace each parameter marked in a ``text`` by ``parameter(name, joint, value)``. The joint
-    is "=", " = ", or "" for a bare value; the value is text."""
+    """Replace marked parameters in a ``text`` by ``parameter(name, joint, value)``, all texts."""
     return _STRAY.sub("", _MARK.sub(lambda match: parameter(*match.groups()), text))
 
 
@@ -160,8 +160,7 @@ class RecipeError(EvocityError):
         return self.list_faults(LONGEST)
 
     def list_faults(self, most: int) -> str:
-        """Return the message in ``most`` bytes, with a line per fault, and the number of faults
-        that do not fit."""
+        """Return the message in ``most`` bytes, with a line per fault, and the number left out."""
         room = most - 60 - sum(len(part.encode()) for part in (self.expected, self.remedy))
         if len(self.found.encode()) <= room:
             return _MESSAGE.format(self.found, self.expected, self.remedy)
@@ -193,8 +192,7 @@ def blame(what: str) -> Iterator[None]:
 
 
 def near_miss(name: str, known: Iterable[str]) -> str:
-    """Return ``did you mean X?`` with the word of ``known`` that is most similar to ``name``, or
-    ""."""
+    """Return ``did you mean X?`` with the most similar word of ``known``, or ""."""
     plain = {word.lower(): word for word in known}
     close = difflib.get_close_matches(name.lower(), plain, 1)
     if len(name) > 2:
@@ -231,14 +229,43 @@ def check_word(
     remedy: str = "choose one",
     error: type[EvocityError] = EvocityError,
 ) -> None:
-    """Raise an ``error`` unless the ``value`` of a parameter is one of the words ``known``. Its
-    remedy is the most similar word, else ``remedy``."""
+    """Raise an ``error`` unless ``value`` is one of ``known``; it suggests the nearest, or
+    ``remedy``."""
     if not (isinstance(value, str) and value in known):
         raise error(
             setting(name, value),
             f"one of {', '.join(known)}",
             near_miss(str(value), known) or remedy,
         )
+
+
+def check_number(
+    name: str,
+    value: Any,
+    low: float,
+    high: float,
+    expected: str,
+    error: type[EvocityError] = EvocityError,
+    remedy: str = "",
+    whole: bool = False,
+) -> None:
+    """Raise an ``error`` unless the ``value`` of a parameter is a finite number, or a ``whole``
+    one, from ``low`` to ``high``."""
+    right = is_whole(value) if whole else is_number(value)
+    if not (right and low <= value <= high and abs(value) != math.inf):
+        remedy = remedy or f"correct {keyword(name)}, or leave it out"
+        raise error(f"{setting(name, value)} is invalid", expected, remedy)
+
+
+def is_number(value: Any) -> bool:
+    """Whether ``value`` is a real number; a bool is not a number."""
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def is_whole(value: Any, least: float = -math.inf) -> bool:
+    """Whether ``value`` is a whole number of ``least`` or more; a bool is not a number."""
+    whole = isinstance(value, Integral) and not isinstance(value, bool)
+    return whole and int(value) >= least
 
 
 def add_near_miss(found: str, name: str, known: Iterable[str]) -> str:

@@ -24,12 +24,13 @@ _NEW = 10.0
 def whole_file(path: str | os.PathLike) -> Iterator[Path]:
     """Yield a temporary path in the folder of ``path``; on success flush and rename it to ``path``.
 
-    If the block raises, the temporary file disappears and ``path`` is as before. The temporary name
-    starts with a dot and keeps the suffix, by which writers choose a format. Links are followed.
-    Raises `FileExistsError` if ``path`` is a folder, a device or a pipe: a rename would replace it
-    by a file.
+    After an error ``path`` is as before. The temporary name keeps the suffix, by which writers
+    choose a format. Links are followed. Raises `FileExistsError` if ``path`` is a folder, a device
+    or a pipe. Raises OSError for a loop of links, and for a name that is too long.
     """
-    path = Path(path).resolve()
+    path = Path(os.path.realpath(path))
+    with contextlib.suppress(FileNotFoundError):
+        os.stat(path)
     if path.exists() and not path.is_file():
         raise FileExistsError(errno.EEXIST, "the path exists and is not a file", str(path))
     temporary = path.with_name(f".{path.stem}-{secrets.token_hex(4)}{path.suffix}")

@@ -30,8 +30,8 @@ def apply(iso: int, block: np.ndarray) -> np.ndarray:
 
 @cache
 def sources(size: int) -> np.ndarray:
-    """Make the gather table, int32 ``(8, size²)``: row k has, for each flat target pixel of a
-    ``size`` × ``size`` block, the flat source pixel of isometry k."""
+    """Make the gather table, int32 ``(8, size²)``: row k has the flat source pixels of isometry
+    k."""
     index = np.arange(size * size, dtype=np.int32).reshape(size, size)
     table = np.stack([apply(k, index).ravel() for k in range(COUNT)])
     table.setflags(write=False)

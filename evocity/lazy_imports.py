@@ -2,7 +2,7 @@
 
 A whole room brings all libraries of its modules: the names of the bundled districts would wait for
 the libraries that read rasters. The room's stub, ``__init__.pyi``, says which module defines which
-name; type checkers read it too.
+name; type checkers read it too. Optional libraries load at first use, too.
 """
 
 import ast
@@ -10,6 +10,13 @@ import sys
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from evocity.errors import EvocityError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def lazy_names(
@@ -43,3 +50,21 @@ def _homes(room: str, stub: Path) -> dict[str, str]:
             if home.startswith("evocity."):
                 homes |= {alias.name: home for alias in node.names}
     return homes
+
+
+def library(name: str, what: str, extra: str = "notebook") -> ModuleType:
+    """Import the library ``name``, which ``what`` needs and the ``extra`` installs."""
+    try:
+        return import_module(name)
+    except ImportError:
+        raise EvocityError(
+            f"{what} needs {name}, which is not installed",
+            f"an installation of evocity with its extra {extra}",
+            f"run pip install 'evocity[{extra}]'",
+        ) from None
+
+
+def frame_of(columns: Any, index: Any, name: str, heads: list[str] | None = None) -> "pd.DataFrame":
+    """Return a pandas frame with the ``index`` of this ``name``. Raises as `library`."""
+    pandas = library("pandas", f"a table by {name}")
+    return pandas.DataFrame(columns, pandas.Index(index, name=name), heads)

@@ -7,10 +7,7 @@ from evocity.errors import describe_error
 
 
 def load_plugins(group: str, take: Callable[[EntryPoint], None]) -> tuple[str, ...]:
-    """Pass every entry point of ``group`` to ``take``, which loads it.
-
-    Returns a text for each that raised anything.
-    """
+    """Pass every entry point of ``group`` to ``take``; returns a text for each that raised."""
     faults = []
     for entry in entry_points(group=group):
         try:

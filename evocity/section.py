@@ -54,13 +54,3 @@ def text_for(read: Callable[[str], Any], allowed: str) -> AfterValidator:
         return text
 
     return AfterValidator(check)
-
-
-def is_whole(value: Any) -> bool:
-    """Whether a ``value`` of TOML is a whole number."""
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
-def is_number(value: Any) -> bool:
-    """Whether a ``value`` of TOML is a number."""
-    return isinstance(value, int | float) and not isinstance(value, bool)

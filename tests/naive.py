@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 import shapely.affinity
-from scipy import ndimage
+from scipy import ndimage, optimize
 
 from evocity import isometries
+from evocity.coding.matching.domains import domain_pools
 from evocity.coding.matching.matches import TIE
 from evocity.genome import unpacked
 from evocity.selection.backends.moocore import contributions, hypervolume
@@ -593,6 +594,71 @@ def distances(x, y, same):
     """Sum of the distances of all pairs of columns; of one table, of those of two columns."""
     pairs = itertools.combinations(x.T, 2) if same else itertools.product(x.T, y.T)
     return sum(math.dist(one, other) for one, other in pairs)
+
+
+def stand_elsewhere(places, pixels, apart):
+    """Whether the place of each pixel, or one around it, belongs to a pixel farther than that."""
+    again = []
+    for place, at in zip(places.T, pixels.T, strict=True):
+        alike = (places[0] == place[0]) & (abs(places[1:].T - place[1:]).max(axis=1) <= 1)
+        again.append(bool((alike & (abs(pixels.T - at).max(axis=1) > apart)).any()))
+    return again
+
+
+def add_moments(labels, y, x):
+    """Sums of z^p z̄^q over the pixels of each building, as pairs where they are complex."""
+    rows = []
+    for i in range(labels.max(initial=0)):
+        row, column = np.nonzero(labels == i + 1)
+        z = (column - x[i]) + 1j * (row - y[i])
+        back = z.conj()
+        sums = [z * back, z**2, z**2 * back, z**3, (z * back) ** 2, z**3 * back, z**4]
+        flat = [part for one in sums for part in (one.sum().real, one.sum().imag)]
+        rows.append([flat[k] for k in (0, 2, 3, 4, 5, 6, 7, 8, 10, 11, 12, 13)])
+    return rows
+
+
+def come_again(table, slack):
+    """Whether any other column differs nowhere by more than both allow."""
+    count = table.shape[1]
+    return [
+        any(
+            (abs(table[:, i] - table[:, j]) <= np.minimum(slack[:, i], slack[:, j])).all()
+            for j in range(count)
+            if j != i
+        )
+        for i in range(count)
+    ]
+
+
+def first_walls(built, ground, start, ray, reach):
+    """How far along each ray the first built pixel is, by halves of a pixel; −1 for none."""
+    distances = []
+    for at, way, most in zip(start.T, ray.T, reach, strict=True):
+        distances.append(-1.0)
+        for far in np.arange(0, most, 0.5):
+            row, column = (math.floor(one) for one in at + far * way)
+            if not (0 <= row < built.shape[0] and 0 <= column < built.shape[1]):
+                break
+            if not ground[row, column]:
+                distances[-1] = far if built[row, column] else -1.0
+                break
+    return distances
+
+
+def fullest_strips(groups, width):
+    """The most values of each group that lie in a strip of the width."""
+    return [max(((g >= v) & (g - v <= width)).sum() for v in g) for g in groups]
+
+
+def order_nearby(middles, sums, reach):
+    """How much the fourfold directions of edges near each agree."""
+    order = []
+    for place in middles.T:
+        near = [j for j, other in enumerate(middles.T) if math.dist(place, other) <= reach]
+        real, imaginary, total = sums[:, near].sum(axis=1)
+        order.append(math.hypot(real, imaginary) / total)
+    return order
 
 
 def off_squared(labels, heights, means):
@@ -1513,3 +1579,68 @@ def cell_means(heights, pixels):
         cell = heights[y * pixels : (y + 1) * pixels, x * pixels : (x + 1) * pixels]
         means[y, x] = cell.astype(float).mean()
     return means
+
+
+def domain_pool(heights, block, multiple, flat=0.0):
+    """All domain blocks of one size in one pool; at least one must fit the map."""
+    (pool,) = domain_pools(heights, block, [multiple], flat, memory=1 << 62)
+    return pool
+
+
+def fit_range(logs, below, above):
+    """Exponent, its error, ends and distance of the law of sorted ``logs`` by root finding: the
+    mean log is the law's, and half a size of the law lies beyond each end, at most 1."""
+    n, low, high = len(logs), logs[0], logs[-1]
+    inside = 1 - 1 / n
+
+    def ends(m):
+        # u = e^{−m x} is linear in the distribution
+        if abs(m) * (high - low) < 1e-6:
+            beyond = (high - low) * (1 / inside - 1) / 2
+            return low - min(beyond, 1), high + min(beyond, 1)
+        first, last = 1.0, math.exp(-m * (high - low))
+        beyond = (first - last) * (1 / inside - 1) / 2
+        left = -math.log(first + beyond) / m if first + beyond > 0 else -math.inf
+        right = -math.log(last - beyond) / m if last - beyond > 0 else math.inf
+        return low + max(left, -1), min(low + right, high + 1)
+
+    def moments(m):
+        a, b = ends(m)
+        t = (np.arange(20_000) + 0.5) / 20_000 * (b - a)
+        weight = np.exp(-m * t - max(-m * (b - a), 0))
+        mean = (weight * t).sum() / weight.sum()
+        return a + mean, (weight * (t - mean) ** 2).sum() / weight.sum()
+
+    steepest = 60 / (high - low)
+    m = optimize.brentq(lambda m: moments(m)[0] - np.mean(logs), -steepest, steepest, xtol=1e-10)
+    a, b = ends(m)
+
+    def law(x):
+        return (
+            (x - a) / (b - a)
+            if abs(m) < 1e-9
+            else math.expm1(m * (a - x)) / math.expm1(m * (a - b))
+        )
+
+    distance = 0.0
+    for k in range(n):
+        distance = max(distance, law(below[k]) - k / n, (k + 1) / n - law(above[k]))
+    return m, 1 / math.sqrt(n * moments(m)[1]), a, b, distance
+
+
+# -- plans ------------------------------------------------------------------------------------
+
+
+def count_built(numbers, used, ratio, down, along, inner, row, column, turns):
+    """Built points of the lot, of its strip, and used ones; whether a point is beyond."""
+    counts = np.zeros((len(row), 4), int)
+    for k, (a, b, c, d) in enumerate(turns):
+        for i, (v, u) in enumerate(zip(down, along, strict=True)):
+            y, x = row[k] + a * v + b * u + 0.5, column[k] + c * v + d * u + 0.5
+            fine = math.floor(y * ratio), math.floor(x * ratio)
+            if not all(0 <= at < side for at, side in zip(fine, numbers.shape, strict=True)):
+                counts[k, 3] = 1
+            elif numbers[fine] > 0:
+                counts[k, 0 if i < inner else 1] += 1
+                counts[k, 2] += i < inner and used[math.floor(y), math.floor(x)]
+    return counts

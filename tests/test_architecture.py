@@ -21,9 +21,13 @@ BELOW_ALL = {
     "plugins",
     "files",
     "accelerate",
+    "bounded_toml",
+    "child_process",
     "html_display",
     "lazy_imports",
     "columns",
+    "parquet_child",
+    "sealed_parquet",
     "section",
 }
 CORE = {"views", "citymap", "condensation", "genome", "isometries", "pavement"}
@@ -37,6 +41,10 @@ MAY_IMPORT = {
     "plugins": set(),
     "files": set(),
     "accelerate": set(),
+    "bounded_toml": set(),
+    "child_process": set(),
+    "parquet_child": {"child_process", "errors"},
+    "sealed_parquet": {"parquet_child"},
     "html_display": set(),
     "section": {"errors"},
     "data": set(),
@@ -396,6 +404,31 @@ def test_data_is_never_executed():
     assert at_fault(MODULES, lambda path: executing(tree_of(path))) == own
 
 
+def opening(tree: ast.Module) -> list[str]:
+    """What opens, makes or removes files by a path."""
+    faults = [name for name in imported(tree) if name.startswith("evocity.files")]
+    for node in nodes_of(tree):
+        if isinstance(node, ast.Call):
+            name = dotted(node.func)
+            path = isinstance(node.func, ast.Attribute) and node.func.attr in BY_PATH
+            if path or name in OPENING:
+                faults.append(name)
+    return faults
+
+
+#: Methods of paths, and functions.
+BY_PATH = {"write_text", "read_text", "touch", "unlink", "symlink_to", "hardlink_to"}
+OPENING = {"open", "os.open", "os.replace", "os.rename", "os.remove", "os.unlink", "os.mkdir"}
+
+
+def test_one_file_opens_the_files_of_a_run():
+    users = at_fault(
+        [path for path in MODULES if room_of(path) == "store"],
+        lambda path: opening(tree_of(path)),
+    )
+    assert list(users) == ["evocity/store/run_directory.py"]
+
+
 def test_a_birth_calls_no_blas():
     # with workers=0 it would take threads, and its last bits depend on how many
     paths = [
@@ -433,6 +466,10 @@ def test_the_package_names_its_nouns_in_few_lines():
         (blas, "a.dot(b)"),
         (blas, "from numpy import dot"),
         (blas, "import numpy as np\nnp.einsum('i,i', a, b, optimize=True)"),
+        (opening, "open(path)"),
+        (opening, "import os\nos.replace(a, b)"),
+        (opening, "path.write_text('')"),
+        (opening, "from evocity.files import whole_file"),
         (executing, "import pickle"),
         (executing, "from joblib import load"),
         (executing, "eval('1')"),
@@ -468,5 +505,5 @@ def test_what_is_imported_is_declared():
         names |= {re.match(r"[a-z]+", line)[0] for line in declared["optional-dependencies"][extra]}
     names -= {"cryptography"}  # Dask makes certificates by it
     extra = {re.match(r"[a-z]+", line)[0] for line in declared["optional-dependencies"]["notebook"]}
-    names |= used & extra  # what types are told by; loaded by analysis/optional_libraries.py alone
+    names |= used & extra  # what types are told by; loaded by lazy_imports.py alone
     assert {modules.get(name, name) for name in used} == names  # and nothing for nothing

@@ -190,6 +190,16 @@ def anchors(page: Path) -> set[str]:
     return {heading.replace(" ", "-") for heading in plain}
 
 
+def test_pages_name_targets_of_make_that_exist():
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"), re.M))
+    pages = [ROOT / "CONTRIBUTING.md", *PAGES]
+    named = {
+        one for page in pages for one in re.findall(r"`make\s([a-z-]+)", page.read_text("utf-8"))
+    }
+    assert {"test", "test-slow"} <= named
+    assert named <= targets
+
+
 def test_picture_is_small():
     assert (ROOT / "docs" / "images" / "bred-city.png").stat().st_size < 400_000
 

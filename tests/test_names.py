@@ -17,7 +17,7 @@ BARRED = {"told", "found", "one", "had", "asked", "wanted", "again", "anew", "be
 #: Public names and JSON keys of today, which stay.
 ALLOWED = {
     "errors.py": {"found"},  # of every `EvocityError`
-    "fitness/check/findings.py": {"found"},  # the same, in the JSON of `evocity fitness check`
+    "fitness/check/faults.py": {"found"},  # the same, in the JSON of `evocity fitness check`
     "fitness/composition.py": {"Wanted", "wanted"},  # `evocity.fitness.Wanted`
     "analysis/goals.py": {"wanted"},  # `aim.wanted`, in notebooks
     "analysis/run.py": {"told"},  # `run.told`, the former name of `run.columns`

@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 from PIL import Image
+from toy_runs import unsealed
 
 import evocity
 from evocity import fitness
@@ -29,6 +30,12 @@ GENOMES = sorted(path.name for path in OLD.glob("*.parquet"))
 RUNS = ("run-1", "run-2")
 #: Of a locked run the mask lies beside the recipe, and is watched.
 MASK = OLD / "run-2-mask.npy"
+
+
+@pytest.fixture(autouse=True)
+def _child_that_parses():
+    """Start the process that parses files without seals, before the time of a case counts."""
+    evocity.read_genome(OLD / GENOMES[0])
 
 
 def call(*words):
@@ -184,7 +191,7 @@ def test_a_run_is_shown_and_told(name, tmp_path):
 def moved(run: Path, recipe_folder: Path) -> None:
     """Tell a run that its recipe, and what lies beside it, is in another folder."""
     path = run / "provenance.json"
-    about = json.loads(path.read_text(encoding="utf-8"))
+    about = unsealed(path)
     about["recipe"]["folder"] = str(recipe_folder)
     path.write_text(json.dumps(about), encoding="utf-8")
 

@@ -1,11 +1,16 @@
 """The project's own pages: release, changelog, citation, contributing, the first change."""
 
+import doctest
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import evocity
+from evocity.citymap import CityMap
+from evocity.fitness import Undefined
+from evocity.fitness.registry import fitness
 
 ROOT = Path(__file__).parent.parent
 #: Bytes of CONTRIBUTING.md, at most, and lines of a release in CHANGELOG.md.
@@ -63,7 +68,7 @@ def hunks() -> list[tuple[str, list[str]]]:
 
 def test_the_first_change_fits_the_files_it_changes():
     checked = hunks()
-    assert len(checked) == 9
+    assert len(checked) == 7
     for name, lines in checked:
         there = "\n".join(line[1:] for line in lines if not line.startswith("+"))
         assert there in text_of(name), f"{name} has no lines\n{there}"
@@ -78,3 +83,15 @@ def test_the_first_change_compiles(name):
         if at == name:
             text = text.replace(before, after, 1) if before else f"{text}\n\n{after}\n"
     compile(text, name, "exec")
+
+
+def test_the_measure_of_the_first_change_has_the_values_of_its_page():
+    (added,) = [lines for name, lines in hunks() if name == "evocity/fitness/roofs.py"]
+    code = "\n".join(line[1:] for line in added if line.startswith("+"))
+    names = {"np": np, "CityMap": CityMap, "Undefined": Undefined, "fitness": fitness}
+    exec(compile(code, "roofs.py", "exec"), names)
+    tall_share = names["tall_share"]
+    example = doctest.DocTestParser().get_doctest(tall_share.__doc__, names, "example", None, 0)
+    assert doctest.DocTestRunner().run(example) == (0, 2)
+    assert tall_share(evocity.read_map("lyon-1er")) == pytest.approx(0.94, abs=0.005)
+    assert tall_share(evocity.read_map("cape-town-salt-river")) == 0

@@ -202,7 +202,7 @@ def test_the_papers_operators_stand_beside_ours():
         for word in re.findall(r"`(\w+)`", row[0])
         if "`" in row[0]
     }
-    own = {"quarter_fusion", "quarter_refill", "region_fusion", "height_scaling"}
+    own = {"plan_fusion", "quarter_fusion", "quarter_refill", "region_fusion", "height_scaling"}
     own |= {"lambda_field", "height_field"}  # of the papers' operators, the others
     assert set(OPERATORS) - own <= told
 

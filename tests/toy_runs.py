@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from evocity.fitness import registry
+from evocity.store.event_chain import EventLog
+from evocity.store.run_directory import RunDirectory
 
 MEASURES = """
 import hashlib, os, time
@@ -67,10 +69,24 @@ def forgotten():
         yield
 
 
+def unsealed(path) -> dict:
+    """The provenance at ``path``, without its seal: it may be changed and written again."""
+    told = json.loads(path.read_text(encoding="utf-8"))
+    told.pop("seal", None)
+    return told
+
+
+def append_events(out, *events):
+    """Append ``events`` to the run at ``out``, with their checksums."""
+    log = EventLog(RunDirectory(out), "events.jsonl")
+    for event in events:
+        log.append(event)
+
+
 def without_digests(out):
     """Make the run at ``out`` one of before its sources had digests."""
     path = out / "provenance.json"
-    told = json.loads(path.read_text(encoding="utf-8"))
+    told = unsealed(path)
     del told["files"]
     path.write_text(json.dumps(told), encoding="utf-8")
 

@@ -21,16 +21,16 @@ ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "evocity"
 #: Errors whose parts are: what arrived, what was expected, what to do.
 _ERROR = re.compile(r"\w*Error$|^fault$")
-_SENTENCE = re.compile(r"(?<=[.!?])\s+(?=[^a-z\s])")
+_SENTENCE = re.compile(r"(?<=[.!?])\s+(?=[^a-z\s]|evocity\b)")
 _SECTION = re.compile(r"^(\w[\w ]*)\n-{3,}\n", re.M)
 
 
 def plain(text: str) -> str:
-    """``text`` without marks of Markdown; code keeps its words."""
+    """``text`` without marks of Markdown; code keeps a backtick on each side."""
     text = re.sub(r"!\[[^\]]*\]\([^)]*\)", "", text)
     text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)
     text = re.sub(r"<!--.*?-->", "", text, flags=re.S)
-    return re.sub(r"[`*]+", "", text)
+    return re.sub(r"`+", "`", re.sub(r"\*+", "", text))
 
 
 def sentences(text: str) -> list[str]:

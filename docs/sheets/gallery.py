@@ -43,8 +43,8 @@ class Bred:
 CITIES = (
     Bred(
         "The streets of Lyon, the houses of New York",
-        "The child keeps the streets and squares of the first parent. Whole buildings of the "
-        "second parent fill its street blocks.",
+        "The child keeps the streets and squares of Lyon. Whole buildings of New York fill the "
+        "street blocks of Lyon.",
         "quarter_fusion",
         (LYON, NEW_YORK),
         3,
@@ -52,8 +52,8 @@ CITIES = (
     ),
     Bred(
         "The streets of New York, the houses of Villeurbanne",
-        "The same operator breeds other parents here. Villeurbanne's source has no heights, "
-        "so its houses have the default of 6 m. They appear pale.",
+        "The operator `quarter_fusion` made this child from New York and Villeurbanne. The source "
+        "of Villeurbanne has no heights, so its houses have 6 m by default and appear pale.",
         "quarter_fusion",
         (NEW_YORK, VILLEURBANNE),
         11,
@@ -61,8 +61,8 @@ CITIES = (
     ),
     Bred(
         "New York rearranged",
-        "The operator fills the street blocks of a city with buildings of the same city, "
-        "turned and moved.",
+        "The operator `quarter_refill` fills the street blocks of a city with turned and moved "
+        "buildings of the same city.",
         "quarter_refill",
         (NEW_YORK,),
         5,
@@ -70,48 +70,50 @@ CITIES = (
     ),
     Bred(
         "Whole groups of Cape Town in Montpellier",
-        "The operator takes groups of range blocks with whole buildings from the second "
-        "parent. It puts them in place of buildings of the first.",
+        "The operator `region_fusion` takes groups of range blocks with whole buildings from the "
+        "second parent. In the child, buildings of the second parent replace buildings of the "
+        "first parent.",
         "region_fusion",
         (MONTPELLIER, CAPE_TOWN),
         2,
     ),
     Bred(
         "Three cities in squares",
-        "This is the pavement fusion of the papers. It places square macro-blocks of three "
-        "parents side by side, large ones first. The seams cut some buildings and create "
-        "others.",
+        "The operator `pavement_fusion` places square pieces (macro-blocks) of three parents side "
+        "by side, from large to small. The seams between macro-blocks cut some buildings and "
+        "create others.",
         "pavement_fusion",
         (LYON, MONTPELLIER, NEW_YORK),
         4,
     ),
     Bred(
         "Lyon, higher and lower",
-        "Every building keeps its footprint. Some buildings become higher and some lower, by "
-        "whole storeys.",
+        "In the child, every building of Lyon keeps its footprint. Some buildings become higher "
+        "and others lower, by whole storeys.",
         "height_scaling",
         (LYON,),
         8,
     ),
     Bred(
         "New York moved",
-        "Groups of lifs move to other places, and their domain blocks move with them.",
+        "The operator `relocation` moves groups of lifs to other places, together with their "
+        "domain blocks.",
         "relocation",
         (NEW_YORK,),
         6,
     ),
     Bred(
         "Half-way from Lyon to Montpellier",
-        "The child consists of patches, and the lifs of a patch come from one parent. The "
-        "edges of the patches cut buildings. Other operators avoid that.",
+        "The child consists of patches, and all lifs of a patch come from the same parent. The "
+        "edges of the patches cut buildings. Most other operators avoid such cuts.",
         "lambda_crossover",
         (LYON, MONTPELLIER),
         1,
     ),
     Bred(
         "A fabric without end",
-        "The picture shows one window of an endless fabric. The fabric grows from Lyon and "
-        "New York, beyond the extent of either.",
+        "The picture shows one window of an endless fabric of streets and buildings. The fabric "
+        "grows from Lyon and New York, beyond the extent of the two maps.",
         "grow",
         (LYON, NEW_YORK),
         9,
@@ -157,10 +159,9 @@ def section(one: Bred) -> str:
     anchor = "fabric-that-grows" if one.operator == "grow" else one.operator
     return (
         f"\n## {one.title}\n\n{one.words}\n\n![{one.title}](images/{one.file})\n\n"
-        f"- Parents: {parents}\n"
-        f"- Operator: [`{one.operator}`](operators.md#{anchor}), `{made}`\n"
-        f"- Seed: {one.seed}\n"
-        f"- Maps: {thanks}\n"
+        "| parents | operator | seed | attribution of the maps |\n|---|---|---|---|\n"
+        f"| {parents} | [`{one.operator}`](operators.md#{anchor}), `{made}` | {one.seed} "
+        f"| {thanks} |\n"
     )
 
 

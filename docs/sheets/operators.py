@@ -17,6 +17,8 @@ from evocity.pictures.picture import render
 LYON, MONTPELLIER, NEW_YORK = "lyon-1er", "montpellier-pas-du-loup", "new-york-west-village"
 PAIRS = ((LYON, MONTPELLIER), (NEW_YORK, MONTPELLIER), (LYON, NEW_YORK))
 ALONE = ((LYON,), (NEW_YORK,), (MONTPELLIER,))
+#: Operators of one parent or more that show their effect with two, and their parameters.
+WITH_SOURCES = {"plan_fusion": {"faces": None}}
 
 
 def main(names: list[str]) -> None:
@@ -29,8 +31,9 @@ def main(names: list[str]) -> None:
     ]
     (IMAGES / "operators").mkdir(exist_ok=True)
     for name in names or sorted(OPERATORS):
-        operator, row = make(name), []
-        for pair in PAIRS if operator.parents[0] > 1 else ALONE:
+        operator, row = make(name, **WITH_SOURCES.get(name, {})), []
+        several = operator.parents[0] > 1 or name in WITH_SOURCES
+        for pair in PAIRS if several else ALONE:
             parents = [codes[one] for one in pair]
             child = operator(parents, np.random.default_rng(1))
             city = evocity.decode(child).city

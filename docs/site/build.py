@@ -31,7 +31,8 @@ WORDS = ("glossary", "papers")
 PROJECT = (
     *("CONTRIBUTING.md", "docs/first-change.md", "docs/architecture.md", "docs/extending.md"),
     *("docs/testing.md", "docs/decisions.md", "SECURITY.md"),
-    *("CHANGELOG.md", "docs/changes/0.2.md", "docs/changes/0.1.md", "benchmarks/README.md"),
+    *("CHANGELOG.md", "docs/changes/0.3.md", "docs/changes/0.2.md"),
+    *("docs/changes/0.1.md", "benchmarks/README.md"),
     *("evocity/data/cities/ATTRIBUTION.md", "evocity/data/fonts/ATTRIBUTION.md"),
 )
 

@@ -2,10 +2,9 @@
 
 There is no fast-math: the same genome must decode to the same bits in every process. (Vector code
 may fuse a·b + c, see `evocity.accelerate.vectors`: float64 settles results that depend on it.)
-Kernels release the interpreter lock, so threads may run them in parallel. The disk caches them, and
-several processes may compile at once (`evocity.accelerate.cache`). A function that makes a kernel
-may give it only plain numbers: numba identifies a cached kernel by a pickle of its closure. The
-pickle of another kernel has a new name in each process.
+Kernels release the interpreter lock. The disk caches them (`evocity.accelerate.cache`). A function
+that makes a kernel may give it only plain numbers, since numba identifies a cached kernel by a
+pickle of its closure.
 """
 
 import contextlib
@@ -40,11 +39,15 @@ class Kernel:
     def _compile(self):
         from numba import njit
 
-        from evocity.accelerate.cache import share_cache
+        from evocity.accelerate.cache import make_temporary_cache, share_cache
 
         settings = {"cache": True, "nogil": True, "boundscheck": False, "error_model": "numpy"}
         settings.update(self._options)
-        made = njit(**settings)(self.py_func)
+        try:
+            made = njit(**settings)(self.py_func)
+        except RuntimeError:  # numba has no folder for the compiled function
+            settings["cache"] = settings["cache"] and make_temporary_cache()
+            made = njit(**settings)(self.py_func)
         if settings["cache"] and hasattr(made, "_cache"):
             share_cache(made)
         return made
@@ -100,15 +103,7 @@ def watch_compiled(callback: Callable[[], None]) -> None:
     types, from now on. Numba's own functions do not count."""
     from numba.core import event
 
-    class _Listener(event.Listener):
-        def on_start(self, event) -> None:
-            pass
-
-        def on_end(self, event) -> None:
-            if _is_ours(event):
-                callback()
-
-    event.register("numba:compile", _Listener())
+    event.register("numba:compile", _listener(ended=callback))
 
 
 @contextlib.contextmanager
@@ -117,18 +112,20 @@ def watch_compiling(callback: Callable[[], None]) -> Iterator[None]:
     cached kernel is not compiled."""
     from numba.core import event
 
-    class _Listener(event.Listener):
-        def on_start(self, event) -> None:
-            if _is_ours(event):
-                callback()
-
-        def on_end(self, event) -> None:
-            pass
-
-    with event.install_listener("numba:compile", _Listener()):
+    with event.install_listener("numba:compile", _listener(started=callback)):
         yield
 
 
-def _is_ours(event) -> bool:
-    """Whether the compiled function is a kernel of evocity, and not numba's own."""
-    return event.data["dispatcher"].py_func.__module__.startswith("evocity.")
+def _listener(started: Callable = lambda: None, ended: Callable = lambda: None):
+    """Make a listener to the compilation of kernels of evocity; numba's own do not count."""
+    from numba.core import event
+
+    class _Listener(event.Listener):
+        def on_start(self, event, call=started) -> None:
+            if event.data["dispatcher"].py_func.__module__.startswith("evocity."):
+                call()
+
+        def on_end(self, event) -> None:
+            self.on_start(event, ended)
+
+    return _Listener()

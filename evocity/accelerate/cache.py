@@ -1,30 +1,31 @@
 """Numba's cache on disk, made safe for processes that compile at once, and quick to load.
 
 Numba names a compiled kernel in an index, by number, and writes the two files one after the other.
-Two processes may compile versions of one kernel, for two types or block sizes, and take the same
-number: then the index leads to the wrong code, in every later process. Here one process writes at a
-time, and none reads meanwhile.
+Two processes that take the same number lead every later process to the wrong code. Here one process
+writes at a time, and no process reads meanwhile.
 
-Numba also numbers the functions it compiles, from 1 in each process. Everything that belongs to a
-function has the number in its name. Two processes may give a kernel the same number, once as
-another kernel calls it and once by itself; its code may then take the other's constants. Here each
-process counts from a random number.
+Numba also numbers the functions it compiles, from 1 in each process. Code of two processes may then
+take each other's constants. Here each process counts from a random number.
 
-Numba loads its whole compiler, scipy's linear algebra too, before it looks for a kernel in the
-cache: a third of a second, and a command takes one. Here it looks first. Numba also reports each
-call of LLVM to listeners, hundreds for each kernel. That takes a fifth of the time of loading; here
+Numba loads its whole compiler before it looks for a kernel in the cache: a third of a second. Here
+it looks first. Numba reports each call of LLVM to listeners, a fifth of the time of loading. Here
 there are no listeners.
 """
 
+import atexit
 import contextlib
 import itertools
 import os
+import warnings
 from collections.abc import Iterator
 
 from llvmlite.binding import ffi
+from numba.core import config
 from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.runtime import rtsys
+
+from evocity.files import ProcessFolder
 
 try:
     import fcntl
@@ -70,6 +71,27 @@ def share_cache(dispatcher) -> None:
     """Let several processes write the kernel's cache at once, and read it without the compiler."""
     dispatcher._cache.__class__ = SharedCache
     dispatcher._cache._cache_file.__class__ = SharedCacheFile
+
+
+def make_temporary_cache() -> bool:
+    """Keep compiled kernels in a temporary folder, for this process and those that it starts.
+
+    For a package in a read-only place and a user without a writable home. It warns of that. The
+    folder disappears when this process ends. Returns False if no folder can be made.
+    """
+    try:
+        folder = ProcessFolder("evocity-kernels-")
+    except OSError:
+        return False
+    owner = os.getpid()
+    atexit.register(lambda: folder.remove() if os.getpid() == owner else None)
+    config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"] = str(folder.path)
+    warnings.warn(
+        "compiled kernels cannot be kept: no folder for them is writable. Each command compiles "
+        "them, for up to a minute. To keep them, set NUMBA_CACHE_DIR to a folder of your own",
+        stacklevel=2,
+    )
+    return True
 
 
 def separate_counters() -> None:

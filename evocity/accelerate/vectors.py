@@ -1,16 +1,14 @@
 """Vector instructions for kernels, written one by one, for the few loops that matter most.
 
-The compiler leaves most of the machine unused in loops of many parallel sums: it loads what it
-could keep, and uses vectors of half the width. `vector_code` turns a function that writes such code
-into one that kernels can call.
+Compilers use vectors of half the width in loops of many parallel sums. `vector_code` turns a
+function that writes such code into one that kernels can call.
 
-The disk cache does not see changes here or in functions that write vector code: these stand in one
-file with the kernels that call them. After a change in this file, empty the cache (``make clean``).
-This file loads numba: callers of such kernels import them where they call them.
+The disk cache does not see changes here: after one, empty it (``make clean``). This file loads
+numba, so callers of such kernels import them where they call them.
 """
 
 from contextlib import contextmanager
-from functools import wraps
+from functools import partial, wraps
 
 import numpy as np
 from llvmlite import ir
@@ -31,9 +29,9 @@ def vector_code(result: str, known: int):
     """Decorate a function that writes vector code: kernels can then call it by its name.
 
     The decorator calls ``write(v, *numbers, *arguments)``: ``v`` is a `Vectors`; the first
-    ``known`` arguments arrive as numbers (kernels must pass literals, or constants of the function
-    that made them); arrays as `Items`; whole numbers and floats as values of the code. ``write``
-    returns a value of numba's type ``result``, or None for "none".
+    ``known`` arguments arrive as numbers (kernels must pass constants); arrays as `Items`; whole
+    numbers and floats as values of the code. ``write`` returns a value of numba's type ``result``,
+    or None for "none".
     """
 
     def made(write):
@@ -86,7 +84,15 @@ class Vectors:
     def __init__(self, builder):
         self.builder = builder
         self.type = ir.VectorType(_FLOAT, WIDTH)
-        self.add, self.sub, self.mul = builder.fadd, builder.fsub, builder.fmul
+        self.add, self.sub, self.mul, self.over = (
+            builder.fadd,
+            builder.fsub,
+            builder.fmul,
+            builder.fdiv,
+        )
+        self.where = builder.select  # by lanes
+        self.exceeds, self.reaches = (partial(builder.fcmp_ordered, sign) for sign in (">", ">="))
+        self.abs, self.root = (partial(self._math, name) for name in ("fabs", "sqrt"))
         self.zero = ir.Constant(self.type, [0.0] * WIDTH)
 
     @contextmanager
@@ -172,28 +178,11 @@ class Vectors:
         """total + a·b, in one rounding where the machine can; a total of None is 0."""
         return self.mul(a, b) if total is None else self._math("fmuladd", a, b, total)
 
-    def abs(self, a):
-        return self._math("fabs", a)
-
     def larger(self, a, b):
         return self.builder.select(self.builder.fcmp_ordered(">", a, b), a, b)
 
     def smaller(self, a, b):
         return self.builder.select(self.builder.fcmp_ordered("<", a, b), a, b)
-
-    def root(self, a):
-        return self._math("sqrt", a)
-
-    def over(self, a, b):
-        return self.builder.fdiv(a, b)
-
-    def where(self, truths, a, b):
-        """In each lane the float of a where ``truths`` is true, else of b."""
-        return self.builder.select(truths, a, b)
-
-    def exceeds(self, a, b):
-        """The lanes in which a > b, as a vector of truth values."""
-        return self.builder.fcmp_ordered(">", a, b)
 
     def raise_to(self, pointer, a):
         """Raise the float that ``pointer`` points at to the largest of itself and all lanes."""
@@ -211,10 +200,6 @@ class Vectors:
         name = f"llvm.vector.reduce.fmax.v{self.width}f32"
         function = self._declared(name, _FLOAT, self.type)
         return self.builder.call(function, [a], fastmath=("nnan", "nsz"))
-
-    def reaches(self, a, b):
-        """The lanes in which a ≥ b, as a vector of truth values."""
-        return self.builder.fcmp_ordered(">=", a, b)
 
     def any(self, truths):
         """1 if any lane is true, else 0: a whole number."""

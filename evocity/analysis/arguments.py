@@ -7,12 +7,12 @@ import numpy as np
 
 from evocity.analysis.births import Births
 from evocity.analysis.condition import Condition
-from evocity.errors import EvocityError, RunError, spell
+from evocity.errors import EvocityError, RunError, check_number, spell
 
 
 def ids_of(which: object, births: Births) -> np.ndarray:
-    """Return the ids, int64, that ``which`` names: an id, an individual, an entry of `Run.keep`,
-    several of these, or a frame of births. Raises `RunError` for an id of no birth."""
+    """Return the ids, int64, that ``which`` names: ids, individuals, entries of `Run.keep`, a
+    frame."""
     which = getattr(which, "individual", which)
     if isinstance(which, Integral) or hasattr(which, "birth"):
         which = [which]
@@ -20,18 +20,18 @@ def ids_of(which: object, births: Births) -> np.ndarray:
     listed = which if index is None or callable(index) else index  # of a pandas frame
     if not isinstance(listed, Iterable) or isinstance(listed, str):
         raise RunError(
-            f"{births.run.path}: {spell(which)} does not name births",
+            f"{births.run.path}: the argument {spell(which)} does not name births",
             "ids, individuals, or a data frame of births",
-            "give for example run.archive.ids",
+            "give the births, for example as run.archive.ids",
         )
     listed = [getattr(one, "individual", one) for one in listed]
     here = births.run.path.resolve()
     for one in listed:
         if hasattr(one, "birth") and one.run.path.resolve() != here:
             raise RunError(
-                f"{births.run.path}: {one} is not an individual of this run",
+                f"{births.run.path}: {one} belongs to another run",
                 "an individual of this run",
-                "use the run of that individual",
+                "call the method of the run that the individual belongs to",
             )
     return births.ids[births.rows([getattr(one, "id", one) for one in listed])]
 
@@ -50,11 +50,8 @@ def mask_of(condition: str, births: Births) -> np.ndarray:
 
 def check_count(name: str, count: object, most: int | None = None) -> None:
     """Raise `EvocityError` unless ``count`` is a whole number from 1 to ``most``, if given."""
-    whole = isinstance(count, Integral) and not isinstance(count, bool)
-    if not whole or count < 1:
-        raise EvocityError(
-            f"{name} = {spell(count)}", "a whole number, 1 or more", "give for example 5"
-        )
+    example, expected = f"give for example {name} = 5", "a whole number, 1 or more"
+    check_number(name, count, 1, np.inf, expected, remedy=example, whole=True)
     if most is not None and count > most:
         raise EvocityError(
             f"{name} = {count} of {most} births",

@@ -30,18 +30,14 @@ NEVER_BRED = "it was never bred"
 
 
 class Births:
-    """The births of a ``run`` in its generations 0…``last``, one row each, by id, each column read
-    once.
-
-    Raises `RunError` where the run is damaged, or has no whole generation yet.
-    """
+    """The births of a ``run`` in its generations 0…``last``, one row each, by id."""
 
     def __init__(self, run: RunLog, last: int | None = None):
         self.run = run
         if not run.generations:
             raise RunError(
-                f"{run.path} has no whole generation yet",
-                "at least one whole generation",
+                f"{run.path} has no complete generation yet",
+                "at least one complete generation",
                 "wait for the first generation to end, or resume the run: "
                 f"evocity resume {run.path}",
             )
@@ -55,12 +51,10 @@ class Births:
 
     @cached_property
     def history(self) -> list[dict]:
-        """The log's summary of each generation, as `evocity.store.RunLog.history` returns it."""
         return [one for one in RunLog.history(self.run) if one["generation"] <= self.last]
 
     @property
     def is_read(self) -> bool:
-        """Whether the columns are in memory."""
         return "_table" in self.__dict__
 
     @cached_property
@@ -72,9 +66,9 @@ class Births:
         table = self.read(columns)
         if (np.diff(array_of(table["id"])) <= 0).any():
             raise RunError(
-                f"{self.run.path}: the log of births is damaged: an id occurs twice",
-                "births as `evocity run` writes them",
-                "bring the file back from a copy",
+                f"{self.run.path}: the log of births is damaged, because an id occurs twice",
+                "a log of births as `evocity run` writes it",
+                "restore the run folder from a backup",
             )
         return table
 
@@ -89,40 +83,19 @@ class Births:
             table = table.sort_by("id")
         return table
 
-    @cached_property
-    def ids(self) -> np.ndarray:
-        """Int64 ``(n,)``, rising."""
-        return array_of(self._table["id"])
-
-    @cached_property
-    def generation(self) -> np.ndarray:
-        """Int32 ``(n,)``: the generation of each birth."""
-        return array_of(self._table["generation"])
+    #: Ids ``(n,)``, int64, rising; generations, int32; seconds of a worker, float64.
+    ids = cached_property(lambda self: array_of(self._table["id"]))
+    generation = cached_property(lambda self: array_of(self._table["generation"]))
+    seconds = cached_property(lambda self: array_of(self._table["seconds"]))
+    #: Texts ``(n,)``: the operator, the status at the end, the island in a run with islands.
+    operator = cached_property(lambda self: words_of(self._table["operator"]))
+    status = cached_property(lambda self: words_of(self._table["status"]))
+    island = cached_property(lambda self: words_of(self._table["island"]))
 
     @property
     def parents(self) -> "pa.ListArray":
         """Int64 lists ``(n,)``: the ids of each birth's parents."""
         return self._table["parents"].combine_chunks()
-
-    @cached_property
-    def operator(self) -> np.ndarray:
-        """Text ``(n,)``: the operator that bred each."""
-        return words_of(self._table["operator"])
-
-    @cached_property
-    def status(self) -> np.ndarray:
-        """Text ``(n,)``: how each birth ended."""
-        return words_of(self._table["status"])
-
-    @cached_property
-    def island(self) -> np.ndarray:
-        """Text ``(n,)``: the island of each birth; only of a run with islands."""
-        return words_of(self._table["island"])
-
-    @cached_property
-    def seconds(self) -> np.ndarray:
-        """Float64 ``(n,)``: seconds that each took one worker."""
-        return array_of(self._table["seconds"])
 
     @cached_property
     def values(self) -> np.ndarray:
@@ -137,15 +110,9 @@ class Births:
         """Return the values of the measure ``name``, float64 ``(n,)``."""
         return self.values[:, self.run.header.columns.index(name)]
 
-    @cached_property
-    def aims(self) -> list[Aim]:
-        """What was wanted of each measure, in words."""
-        return aims_of(self.run)
-
-    @cached_property
-    def recorded(self) -> list[Aim]:
-        """The measures that the run only records."""
-        return recorded_of(self.run)
+    #: Goals and bounds of the measures; the measures that the run only records.
+    aims = cached_property(lambda self: aims_of(self.run))
+    recorded = cached_property(lambda self: recorded_of(self.run))
 
     @property
     def logged(self) -> list[Aim]:
@@ -159,8 +126,7 @@ class Births:
 
     @cached_property
     def ok(self) -> np.ndarray:
-        """Bool ``(n,)``: bred, with a value of each measure that has a goal. A birth before a
-        measure was added may lack its value."""
+        """Bool ``(n,)``: bred, with a value of each measure that has a goal."""
         ok = self.status == "ok"
         for aim in self.sought:
             ok &= ~np.isnan(self.value(aim.name))
@@ -176,7 +142,6 @@ class Births:
 
     @cached_property
     def sources(self) -> list[Source]:
-        """The source cities, maps and genomes."""
         return self.run.sources()
 
     @cached_property
@@ -197,8 +162,7 @@ class Births:
 
     @cached_property
     def weighted_aims(self) -> Aims:
-        """Goals and constraints with their present weights. Raises `RunError` where they are not
-        recorded."""
+        """Goals and constraints with their present weights, if they are recorded."""
         return aims_of_run(self.run)
 
     @property
@@ -216,8 +180,7 @@ class Births:
 
     @cached_property
     def losses(self) -> np.ndarray:
-        """Float64 ``(n, goals)``, lower is better; the largest number for births that were not
-        measured."""
+        """Float64 ``(n, goals)``, lower is better; the largest number without a measure."""
         return losses_of(self.weighted_aims, self._aim_values)
 
     @cached_property
@@ -230,10 +193,8 @@ class Births:
         return {name: self.value(name) for name in self.run.header.measures}
 
     def losses_by(self, name: str, goal: str | None = None) -> np.ndarray:
-        """Return the losses by one measure, or by a sum of the run's: float64 ``(n,)``, lower is
-        better, NaN for no value. ``goal``: "max" or "min" in place of the run's own goal. Raises
-        `RunError` for an unknown name, and for a measure without a goal, unless ``goal`` is
-        given."""
+        """Return the losses by one measure, or by a sum of measures: float64 ``(n,)``, lower is
+        better, NaN for no value. ``goal``: "max" or "min" in place of the run's own goal."""
         if goal is not None:
             check_word("goal", goal, ("max", "min"), "leave it out for the run's own", RunError)
         sums = sorted({aim.total for aim in self.aims} - {None})
@@ -250,15 +211,14 @@ class Births:
             aim = replace(aim, goal=goal, target=None)
         if aim.target is None and aim.goal not in ("max", "min"):
             raise RunError(
-                f"{self.run.path}: {name} has no goal in this run ({aim.wanted})",
+                f"{self.run.path}: the measure {name} has no goal in this run ({aim.wanted})",
                 "a measure with a goal",
                 f'give a goal: run.best("{name}", goal="max")',
             )
         return aim.losses(self.value(name))
 
     def quality_on(self, island: str | None = None) -> str:
-        """Return the measure or sum that ranks the births of a cell, on an ``island`` or in the
-        whole run; all of them, joined by commas, where there are several."""
+        """Return the goal of a cell on an ``island`` or in the run; several goals with commas."""
         own = self.island_settings.get(island, {}).get("measures")
         goals = {aim.total or aim.name: {aim.total, aim.name} for aim in self.sought}
         kept = [goal for goal, names in goals.items() if own is None or names & set(map(str, own))]
@@ -266,8 +226,7 @@ class Births:
 
     @cached_property
     def grids(self) -> dict[str | None, Binned]:
-        """The best of each cell, of each grid that the run fills: island -> grid, None for the run
-        as a whole. A grid without recorded goals is left out."""
+        """The best of each cell, of each grid: island -> grid, None for the run as a whole."""
         grids = {}
         for island in self.run.header.islands or (None,):
             with suppress(RunError):
@@ -278,8 +237,7 @@ class Births:
         return grids
 
     def source_cells(self, grid: Grid) -> dict[int, np.ndarray]:
-        """Return the place in the ``grid`` of each source city's own code, by the number of the
-        city; a code without a cell is left out."""
+        """Return the place in the ``grid`` of each source city's genome, by city number."""
         numbers = self.founders[self.founders < len(self.run.header.cities)]
         rows = self.rows(numbers)
         values = [self.value(name)[rows] for name in grid.descriptors]
@@ -328,13 +286,12 @@ class Births:
             raise RunError(
                 f"{self.run.path}: the run has no generation {generation!r}",
                 f"a generation from 0 to {self.last}",
-                "see the last generation in `evocity status`",
+                "choose a generation up to the last generation that `evocity status` prints",
             )
 
     def ranked(self, generation: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Return ids and ranks of the living of a ``generation``, of the last one by default, best
-        first by the run's algorithm. In a run with islands each individual stands once, ranked by
-        all goals together."""
+        """Return ids and ranks of the living of a ``generation``, best first by the algorithm; in a
+        run with islands each once, ranked by all goals together."""
         generation = self.last if generation is None else generation
         self.check_generation(generation)
         table = self.run.members(generation)
@@ -370,9 +327,9 @@ class Births:
             return np.zeros(0, np.intp)
         if sought.ndim != 1:
             raise RunError(
-                f"{self.run.path}: ids = {spell(sought.tolist())}",
+                f"{self.run.path}: ids = {spell(sought.tolist())} is invalid",
                 "a flat list of ids",
-                "give for example [1, 2]",
+                "give the ids in a list, for example [1, 2]",
             )
         if sought.dtype.kind not in "iu":
             self.run.individuals(sought.tolist())  # raises, and names the fault
@@ -409,8 +366,7 @@ class Births:
 
 
 def source_births(run: RunLog) -> list[Birth]:
-    """Return the births of the source cities' codes, in the order of the cities, without
-    genomes."""
+    """Return the births of the source cities, in the order of the cities, without genomes."""
     places = [place for place, name in enumerate(run.header.cities) if name != VOID]
     ids = set(places[: run.header.population])
     births = births_without_genomes(run, 0)
@@ -418,7 +374,6 @@ def source_births(run: RunLog) -> list[Birth]:
 
 
 def label(measure: str) -> str:
-    """Return the name of a ``measure`` in tables."""
     return f"fitness.{measure}" if measure in OWN else measure
 
 

@@ -15,8 +15,7 @@ _MOST_SETS = 20_000
 
 
 def medoids(distances: np.ndarray, k: int) -> np.ndarray:
-    """Return the rows of the ``k`` medoids, rising, of ``(n, n)`` distances: those with the least
-    sum of distances from all. 1 ≤ k ≤ n."""
+    """Return the rows of the ``k`` medoids, rising, of ``(n, n)`` distances. 1 ≤ k ≤ n."""
     n = len(distances)
     if comb(n, k) <= _MOST_SETS:
         sets = np.array(list(combinations(range(n), k)))
@@ -38,8 +37,7 @@ def build(distances: np.ndarray, k: int) -> np.ndarray:
 
 
 def swap(distances: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Exchange medoids for others while that gains, each time the exchange that gains most
-    (SWAP)."""
+    """Exchange medoids, each time the exchange that gains most, as long as that gains (SWAP)."""
     chosen = chosen.copy()
     every = np.arange(len(distances))
     while True:
@@ -60,8 +58,7 @@ def swap(distances: np.ndarray, chosen: np.ndarray) -> np.ndarray:
 
 
 def label_clusters(distances: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Return the number of the nearest of the ``chosen`` rows, of equal ones the first, int
-    ``(n,)``; a medoid's number is its own."""
+    """Return the number of the nearest of the ``chosen`` rows, int ``(n,)``."""
     labels = distances[:, chosen].argmin(axis=1)
     labels[chosen] = np.arange(len(chosen))
     return labels
@@ -69,7 +66,7 @@ def label_clusters(distances: np.ndarray, chosen: np.ndarray) -> np.ndarray:
 
 def farthest_first(distances: np.ndarray, count: int) -> np.ndarray:
     """Return ``count`` rows of ``(n, n)`` distances: the two farthest from each other, then each
-    time the one farthest from all before it; of equal ones the first."""
+    time the one farthest from all before it."""
     if not len(distances):
         return np.zeros(0, np.intp)
     chosen = list(np.unravel_index(int(distances.argmax()), distances.shape))

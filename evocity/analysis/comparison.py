@@ -11,7 +11,7 @@ import numpy as np
 
 from evocity.analysis.births import Births
 from evocity.analysis.goals import overrides_of, recipe_of
-from evocity.analysis.optional_libraries import library
+from evocity.lazy_imports import frame_of, library
 from evocity.selection.fronts import Hypervolume, not_dominated, volume_is_quick
 
 if TYPE_CHECKING:
@@ -34,10 +34,8 @@ class Side:
 
 
 class Comparison:
-    """Two runs compared; ``run.compare(other)`` makes it. ``str()`` describes it in sentences.
-    ``goals`` are those of both, with the same targets, weights and sources of measures.
-    ``namesakes`` are goals of both with other sources: a changed file, other reference cities,
-    another part of the map."""
+    """Two runs compared; ``str()`` describes it in sentences. ``goals`` are those of both, with
+    equal targets, weights and sources of measures; ``namesakes`` have other sources."""
 
     def __init__(self, first: Side, second: Side):
         self.first, self.second = first, second
@@ -64,10 +62,8 @@ class Comparison:
     @property
     def recipes(self) -> "pd.DataFrame":
         """A row per key in which the recipes differ, index ``key``, with the texts of both."""
-        pandas = library("pandas", "a comparison of recipes")
-        index = pandas.Index(list(self.differing), name="key")
-        columns = [side.name for side in self._sides]
-        return pandas.DataFrame(list(self.differing.values()), index, columns)
+        names = [side.name for side in self._sides]
+        return frame_of(list(self.differing.values()), list(self.differing), "key", names)
 
     def _losses(self, side: Side, rows: np.ndarray) -> np.ndarray:
         """By the common goals, of the births in ``rows``."""
@@ -76,8 +72,8 @@ class Comparison:
 
     @cached_property
     def _unit(self) -> Hypervolume | None:
-        """Volume in units of the ranges of both first generations; None if no birth of them was
-        measured."""
+        """Volume in units of the ranges of both first generations; None without a measured
+        birth."""
         first = np.vstack([
             self._losses(side, np.flatnonzero(side.births.ok & (side.births.generation == 0)))
             for side in self._sides
@@ -137,9 +133,7 @@ class Comparison:
         how many of them are in the archive of both together, of equal ones the first run's;
         ``dominated``, how many an individual of the other archive dominates; and their
         ``hypervolume``."""
-        pandas = library("pandas", "a comparison of archives")
-        names = [side.name for side in self._sides]
-        return pandas.DataFrame(self._rows, pandas.Index(names, name="run"))
+        return frame_of(self._rows, [side.name for side in self._sides], "run")
 
     def __str__(self) -> str:
         one, other = self._sides
@@ -198,8 +192,7 @@ def _terms(births: Births) -> dict[str, list[tuple]]:
 
 
 def _sources(births: Births) -> dict[str, tuple]:
-    """Measure -> hash of its file, unless it is evocity's own; its reference cities; its part of
-    the map."""
+    """Measure -> hash of its file, its reference cities, its part of the map."""
     maps = _hashes(births, "maps") | _hashes(births, "references")
     masks = _hashes(births, "within")
     sources = {}
@@ -233,7 +226,6 @@ def _dominated(front: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 
 def _recipe(births: Births) -> dict:
-    """The run's recipe with the values that replaced its own."""
     recipe = recipe_of(births.run)
     for key, value in overrides_of(births.run).items():
         section, _, name = str(key).partition(".")

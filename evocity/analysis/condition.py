@@ -50,8 +50,7 @@ class Condition:
 
     @classmethod
     def read(cls, text: str, known: Collection[str]) -> "Condition":
-        """Parse the condition in ``text``; ``known`` are the columns, a measure by its name or as
-        fitness.NAME. Raises `EvocityError` for other texts and names."""
+        """Parse the condition in ``text``; ``known`` are the columns. Raises `EvocityError`."""
         if not isinstance(text, str):
             raise _fault(text, "it is not a text")
         if len(text) > MOST_LETTERS:
@@ -75,11 +74,7 @@ class Condition:
 
     def kept(self, column: Callable[[str], np.ndarray], count: int) -> np.ndarray:
         """Return which births meet it, bool ``(count,)``. ``column``: a function from a name to its
-        column.
-
-        A birth without a number there (NaN) meets no comparison with it. Raises `EvocityError`
-        where numbers, texts and truths are mixed.
-        """
+        column. A birth without a number there (NaN) meets no comparison."""
         with np.errstate(all="ignore"):
             truths = self._value(self._tree, {name: column(name) for name in self.names})
         if _kind(truths) != "truth":

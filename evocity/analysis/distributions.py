@@ -41,18 +41,15 @@ def distributions(
     sources: Sequence[CityMap] | None = None,
     references: Sequence[CityMap] | None = None,
 ) -> list[Distribution]:
-    """Return distributions of the run's source cities as read, then of the reference cities of its
-    measures, then of the individual's parents, and last of the individual.
-
-    of : a key of `QUANTITIES`.
-    parents : whether the parents are included.
-    sources, references : the run's cities, if they are read already.
-
-    Raises `EvocityError` for another ``of``, and for an object that is not an individual;
-    `RunError` if it, or one of its parents, has no map.
-    """
+    """Return distributions of the run's source cities, then of the reference cities of its
+    measures, then of the individual's parents, and last of the individual. ``of``: a key of
+    `QUANTITIES`. ``sources``, ``references``: the run's cities, if they are read already."""
     if not isinstance(individual, Individual):
-        raise EvocityError(spell(individual), "an individual of a run", "give run[97]")
+        raise EvocityError(
+            f"individual = {spell(individual)} is invalid",
+            "an individual of a run",
+            "give an individual, for example run[97]",
+        )
     check_word("of", of, QUANTITIES, "leave it out for area")
     run = individual.run
 

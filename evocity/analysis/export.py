@@ -33,8 +33,7 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 def write_csv(
     births: Births, ids: np.ndarray, path: str | os.PathLike, form: str = "plain"
 ) -> None:
-    """Write the scores of the births ``ids`` as CSV, see `Run.to_csv`. Raises `RunError` for
-    another ``form``, and where the file cannot be written; then no file is left."""
+    """Write the scores of the births ``ids`` as CSV, see `Run.to_csv`."""
     path = Path(path)
     check_word("form", form, FORMS, error=RunError)
     rows = births.rows(ids)
@@ -42,19 +41,22 @@ def write_csv(
         names = births.columns
         columns = [births.column(name)[rows] for name in ["id", *(n for n in names if n != "id")]]
         heads = ["id", *(n for n in names if n != "id")]
-        with _written(path) as temporary:
+        with written_file(path) as temporary:
             _write(temporary, heads, zip(*(one.tolist() for one in columns), strict=True))
         return
     pictures = path.with_name(f"{path.stem}-pictures")
     if os.path.lexists(pictures):
         raise RunError(
-            f"{pictures} exists already",
-            "a new folder for the pictures of this table",
-            "choose another name, or remove that folder",
+            f"the folder {pictures} exists already",
+            "no folder of this name, because evocity creates it for the pictures of the table",
+            "choose another name for the table, or delete the folder",
         )
     individuals = [Individual(births, one) for one in ids.tolist()]
     with ExitStack() as undo:
-        with _written(path) as temporary, tempfile.TemporaryDirectory(dir=path.parent) as hidden:
+        with (
+            written_file(path) as temporary,
+            tempfile.TemporaryDirectory(dir=path.parent) as hidden,
+        ):
             made = Path(hidden) / "pictures"
             made.mkdir()
             for one in individuals:
@@ -87,23 +89,21 @@ def write_several(
     at: str | None = None,
     roles: Mapping[int, str] | None = None,
 ) -> None:
-    """Write births into one file, see `Run.save`: all files of each into a .zip, their maps on a
-    contact sheet into a .png. ``at``: see `Individual.save`. ``roles``: id -> why it is kept.
-
-    Raises `RunError` for another ending, and where the file cannot be written; then no file is
-    left.
-    """
+    """Write births into one file, see `Run.save`. ``roles``: id -> why it is kept."""
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in (".zip", ".png"):
         raise RunError(
-            f"{path.name} cannot hold several births",
-            "a name that ends in .zip, or in .png for a contact sheet",
-            "choose such a name; run[97].save(…) writes a single birth, as .gpkg, .tif and others",
+            f"a file named {path.name} cannot hold several births",
+            "a file name that ends in .zip, or in .png for a contact sheet",
+            "change the suffix, or write a single birth, for example with "
+            "run[97].save('birth.gpkg')",
         )
     if not individuals:
         raise RunError(
-            "no births to save", "at least one birth", "choose births, for example run.front()"
+            "the choice contains no births to save",
+            "at least one birth",
+            "choose births, for example run.front()",
         )
     each = list(dict.fromkeys(individuals))
     if suffix == ".zip":
@@ -124,13 +124,13 @@ def _write_sheet(
     """Their maps side by side with ids, ``roles`` and scores, on the run's scale of heights."""
     if at is not None:
         raise RunError(
-            f"{setting('at', at)} does not fit {path.name}, a contact sheet",
-            "an output .zip: only its files have a place on Earth",
-            f"leave {keyword('at')} out",
+            f"{setting('at', at)} has no effect on the contact sheet {path.name}",
+            "a file name that ends in .zip",
+            f"leave {keyword('at')} out, or choose a .zip file",
         )
     if len(individuals) > MOST:
         raise RunError(
-            f"{len(individuals)} births are too many for one sheet",
+            f"{len(individuals)} births are too many for one contact sheet",
             f"at most {MOST} births",
             "choose fewer births",
         )
@@ -143,7 +143,7 @@ def _write_sheet(
     attribution = births.run.header.attribution
     columns = columns_for(len(cells))
     sheet = sheet_of(cells, births.run.name, highest_of(births), attribution, columns)
-    with _written(path) as temporary:
+    with written_file(path) as temporary:
         sheet.save(temporary, format="PNG")
 
 
@@ -154,11 +154,10 @@ def caption(identifier: int, aims: Sequence[Aim], values: Mapping[str, float]) -
 
 
 def _write_zip(individuals: Sequence[Individual], path: Path, at: str | None) -> None:
-    """A folder per birth with its map as GeoTIFF, footprints, a picture, its genome and its scene;
-    the table ``scores.csv``; and the attribution."""
+    """A folder per birth with its files; the table ``scores.csv``; and the attribution."""
     births = individuals[0].births
     with (
-        _written(path) as temporary,
+        written_file(path) as temporary,
         tempfile.TemporaryDirectory() as folder,
         zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive,
     ):
@@ -191,14 +190,20 @@ def _cell(value: object) -> object:
 
 
 @contextmanager
-def _written(path: Path) -> Iterator[Path]:
-    """A temporary path, which becomes ``path``."""
+def written_file(path: Path) -> Iterator[Path]:
+    """Yield a temporary path, which becomes ``path``. Raises `RunError` if that fails."""
+    with report_write_errors(path), whole_file(path) as temporary:
+        yield temporary
+
+
+@contextmanager
+def report_write_errors(path: Path) -> Iterator[None]:
+    """Turn errors of the operating system, while ``path`` is written, into `RunError`."""
     try:
-        with whole_file(path) as temporary:
-            yield temporary
+        yield
     except OSError as error:
         raise RunError(
             f"{path} cannot be written: {reason_of(error)}",
-            "a folder that you may write to, with space left",
-            "free space, or choose another place",
+            "a folder that you may write to, on a disk with free space",
+            "free some space, or choose another folder",
         ) from error

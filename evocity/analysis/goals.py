@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from evocity import fitness
+from evocity.errors import is_number, is_whole
 from evocity.fitness.part import own_name
 from evocity.store import RunLog
 
@@ -22,12 +23,13 @@ _MOST_GENERATIONS = 10**9
 
 @dataclass(frozen=True)
 class Aim:
-    """Goal of a run for a measure.
+    """Goal of a run for one measure: a direction, a target, or bounds.
 
-    The field ``goal`` is max, min, like, target, bounds (only a constraint), none (only recorded)
-    or unknown. The field ``total`` is the name of the sum that contains the measure. The field
-    ``meaning`` says what the measure computes, if this is known here. The field ``like`` is the
-    city that the births should resemble.
+    The field ``goal`` is one of the words max, min, like, target, bounds, none and unknown. The
+    word bounds means that the measure is only a constraint. The word none means that the run
+    records the measure without a goal. The field ``total`` is the name of the weighted sum that
+    contains the measure. The field ``meaning`` says in a sentence what the measure computes; it is
+    empty for an unknown measure. The field ``like`` names the city that the births should resemble.
     """
 
     name: str
@@ -42,7 +44,7 @@ class Aim:
 
     @property
     def title(self) -> str:
-        """Name and unit of the measure, as in "street_width, m"."""
+        """Name and unit of the measure, for example "street_width, m"."""
         return f"{self.name}, {self.unit}" if self.unit else self.name
 
     @property
@@ -65,14 +67,14 @@ class Aim:
 
     @property
     def bounds(self) -> str:
-        """Bounds in words; empty without bounds."""
+        """Bounds of the measure in words; the text is empty if the measure has no bounds."""
         bounds = ("at least", self.low), ("at most", self.high)
         return ", ".join(f"{w} {b:.4g} {self.unit}".rstrip() for w, b in bounds if b is not None)
 
     @property
     def sign(self) -> str:
-        """Goal as a sign: ↑ for more, ↓ for less, →0.35 for a target, ≥ and ≤ for bounds. It is
-        empty if the goal is unknown."""
+        """Goal of the measure as a sign: ↑ for large values, ↓ for small values, →0.35 for the
+        target 0.35, ≥ and ≤ for bounds. The sign is empty if the goal is unknown."""
         if self.target is not None:
             return f"→{self.target:.4g}"
         if self.goal == "bounds":
@@ -82,7 +84,7 @@ class Aim:
 
     @property
     def sought(self) -> bool:
-        """True if the measure has a goal, and not only bounds."""
+        """True if the measure has a goal; false if the measure has only bounds."""
         return self.goal != "bounds"
 
     @property
@@ -91,15 +93,15 @@ class Aim:
         return low, math.inf if self.high is None else self.high
 
     def within(self, values: np.ndarray) -> np.ndarray:
-        """Tell which ``values`` keep the bounds, as a bool array."""
+        """Return a bool array, which is true for each value that lies within the bounds."""
         low, high = self._bounds
         return (low <= values) & (values <= high) | ((low, high) == (-math.inf, math.inf))
 
     def losses(self, values: np.ndarray) -> np.ndarray:
-        """Compute the losses of ``values``, float64; lower is better. They have the same order as
-        in `evocity.fitness.Wanted`, which needs the measure itself. A missing value has the loss
-        NaN. If the measure has only bounds, this loss is the largest number, because a missing
-        value breaks the bounds."""
+        """Compute the losses of the ``values``, as a float64 array; a lower loss is better. The
+        losses rank values in the same order as `evocity.fitness.Wanted`, but do not need the
+        measure itself. A missing value gets the loss NaN. If the measure has only bounds, a missing
+        value has the largest possible loss, because it breaks the bounds."""
         with np.errstate(all="ignore"):
             if self.goal == "bounds":
                 low, high = self._bounds
@@ -110,7 +112,7 @@ class Aim:
         return values if self.goal == "min" else -values  # of an unknown goal: an order, no more
 
     def loss(self, value: float) -> float:
-        """Compute the loss of one value, see `losses`."""
+        """Compute the loss of one value, as the method `losses` does for several values."""
         return float(self.losses(np.float64(value)))
 
 
@@ -182,8 +184,7 @@ def planned_generations(run: RunLog) -> int | None:
 
         stated = RunSection.model_fields["generations"].default
     known = overrides_of(run).get("run.generations", stated)
-    whole = isinstance(known, int) and not isinstance(known, bool)
-    return known if whole and 0 <= known <= _MOST_GENERATIONS else None
+    return known if is_whole(known) and 0 <= known <= _MOST_GENERATIONS else None
 
 
 def _plain(text: object) -> str:
@@ -193,7 +194,7 @@ def _plain(text: object) -> str:
 
 def number_of(value: object) -> float | None:
     """Return a finite number of a stranger's file; None for other values."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    if not is_number(value):
         return None
     try:
         return float(value) if math.isfinite(value) else None

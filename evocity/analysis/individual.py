@@ -1,7 +1,8 @@
 """`Individual`: one birth of a run, with its scores, map, parents, pictures and files."""
 
 import os
-from collections.abc import Mapping
+import shlex
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,12 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evocity.analysis.births import Births
-from evocity.analysis.fabric_genomes import built_shares, fabric_of
 from evocity.citymap import CityMap
-from evocity.errors import MapError, RunError, keyword, setting
+from evocity.errors import MapError, RunError, keyword, plain_text, setting, spell
 from evocity.genome import Genome
 from evocity.html_display import Displayed
-from evocity.store import Birth
+from evocity.store import Birth, Header, RunLog, Source
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -26,10 +26,11 @@ if TYPE_CHECKING:
 
 
 class Individual(Displayed):
-    """Birth of a run; ``run[97]`` makes it.
+    """Birth of a run; the expression ``run[97]`` returns the individual with the id 97.
 
-    The columns of births are quick to read. The attributes ``genome``, ``made`` and ``parents``
-    read the log, and ``city`` decodes the genome. Each value is computed once and kept.
+    The scores and the other columns of an individual are quick to read. The attributes ``genome``,
+    ``made`` and ``parents`` come from the log; the attribute ``city`` is the decoded genome. The
+    individual computes each attribute once and remembers its value.
     """
 
     def __init__(self, births: Births, identifier: int):
@@ -42,7 +43,7 @@ class Individual(Displayed):
         self.id = int(identifier)
 
     def __repr__(self) -> str:
-        state = f"{self.operator}, generation {self.generation}, {self.status}"
+        state = f"{plain_text(self.operator)}, generation {self.generation}, {self.status}"
         return f"Individual({self.id} of {str(self.run.path)!r}: {state})"
 
     def __eq__(self, other: object) -> bool:
@@ -69,17 +70,18 @@ class Individual(Displayed):
 
     @property
     def operator(self) -> str:
-        """Operator that bred the individual; ``source`` for a source city."""
+        """Name of the operator that bred the individual; the name is ``source`` for a source
+        city."""
         return str(self.births.operator[self._row])
 
     @property
     def island(self) -> str | None:
-        """Island on which the individual was born; None in a run without islands."""
+        """Name of the island on which the individual was born; None in a run without islands."""
         return str(self.births.island[self._row]) if self.run.header.islands else None
 
     @property
     def status(self) -> str:
-        """Status at the end of the birth, see `evocity.store.STATUSES`."""
+        """Status at the end of the birth, for example ``ok``, see `evocity.store.STATUSES`."""
         return str(self.births.status[self._row])
 
     @property
@@ -89,7 +91,7 @@ class Individual(Displayed):
 
     @property
     def feasible(self) -> bool:
-        """True if the individual was measured and keeps all constraints."""
+        """True if the individual has values for its measures and keeps all constraints."""
         return bool(self.births.feasible[self._row])
 
     @property
@@ -99,24 +101,24 @@ class Individual(Displayed):
 
     @property
     def lived(self) -> int:
-        """Number of generations in which the individual lived."""
+        """Number of generations in which the individual was alive."""
         return int(self.births.lived[self._row])
 
     @property
     def scores(self) -> dict[str, float]:
-        """Mapping from each measure to its value, without missing values. Measures with a goal or
+        """Mapping from measures to their values, without missing values. Measures with a goal or
         bounds come first."""
         names, values = self.run.header.columns, self.births.values[self._row]
         return {n: float(v) for n, v in zip(names, values, strict=True) if not np.isnan(v)}
 
     @property
     def losses(self) -> dict[str, float]:
-        """Mapping from each goal to the loss of the individual; lower is better. Raises `RunError`
-        if the goals are unknown, or if the individual has no scores."""
+        """Mapping from each goal to the individual's loss for that goal; a lower loss is better.
+        Raises `RunError` if the goals are unknown, or if the individual has no scores."""
         births = self.births
         if not births.ok[self._row]:
             raise RunError(
-                f"{self} was not measured",
+                f"{self} has no value for each goal of the run",
                 "a birth with status ok, and a value of each goal",
                 "choose another birth: run.where(\"status == 'ok'\")",
             )
@@ -131,24 +133,24 @@ class Individual(Displayed):
         return self.run.individuals([self.id], rebred=False)[0]
 
     def is_known(self, birth: Birth, city: CityMap) -> None:
-        """Take the row of the log and the map from a caller that has already read and decoded
-        them."""
+        """Set the individual's row of the log and its decoded map, if the caller knows them
+        already."""
         vars(self).update(birth=birth, city=city.replace(city.heights, name=self._title))
 
     @property
     def error(self) -> str | None:
-        """Reason why the birth failed. If it did not fail, the reason why a recorded measure has no
-        value."""
+        """Reason why the birth failed. For a birth that did not fail: reason why a recorded measure
+        has no value."""
         return self.birth.error
 
     @property
     def made(self) -> Mapping:
-        """Parameters and results that the operator recorded."""
+        """Parameters and results that the operator recorded when it bred the individual."""
         return self.birth.made
 
     @property
     def parents(self) -> list["Individual"]:
-        """Parents of the individual; empty for a source city."""
+        """Parents of the individual; a source city has no parents."""
         return [Individual(self.births, one) for one in self.birth.parents]
 
     @cached_property
@@ -164,7 +166,7 @@ class Individual(Displayed):
         expressed = self.run.header.chromosome.express(self.genome)
         if expressed.city is None:
             raise RunError(
-                f"{self}: {expressed.problem}",
+                f"{self} has no map: {expressed.problem}",
                 "a genome that decodes to a map",
                 "choose another birth: run.where(\"status == 'ok'\")",
             )
@@ -175,11 +177,11 @@ class Individual(Displayed):
         return f"{self.run.name}, individual {self.id}"
 
     def ancestry(self, built: bool = False) -> dict[str, float]:
-        """Compute the share of the map that comes from each source city, with open ground. The
-        result is a mapping; its shares add up to 1.
+        """Compute the share of the map that comes from each source city, including open ground.
+        Return a mapping from each city to its share; the shares add up to 1.
 
-        built : whether to count only built ground. The result is then empty if nothing is built,
-            and a genome without a map raises `RunError`.
+        built : whether only ground with buildings counts. If only built ground counts, a map
+            without buildings gives an empty mapping, and a genome without a map raises `RunError`.
         """
         fabric = fabric_of(self.run.header, self.genome, "the ancestry")
         shares = built_shares(fabric, self.city) if built else fabric.shares
@@ -188,25 +190,26 @@ class Individual(Displayed):
 
     @property
     def ground(self) -> str | None:
-        """Source city that most of the map comes from, which suits the argument ``at`` of `save`.
-        None if all source cities lie in one place, or if none lies on Earth."""
-        from evocity.analysis.georeference import ground_of
+        """Name of the source city that supplied the largest share of the map. The method `save`
+        accepts the name of this city as its argument ``at``. The name is None if all source cities
+        have the same place, or if none has a place on Earth."""
 
         if self.run.header.crs is not None or not self.run.header.chromosome.ancestry_columns:
             return None
         return ground_of(self.ancestry(), self.births.sources)
 
     def ancestors(self) -> "pa.Table":
-        """Return all ancestors as an Arrow table, the oldest first, see `Run.ancestors`."""
+        """Return all ancestors as an Arrow table with the oldest ancestors first, see
+        `Run.ancestors`."""
         return self.run.ancestors(self.id)
 
     # -- pictures and files ------------------------------------------------------------------
 
     def picture(self, zoom: float | None = None, highest: float | None = None) -> "Image.Image":
-        """Draw the map with legend and attribution.
+        """Draw the map as a picture with legend and attribution.
 
-        The factor ``zoom`` multiplies the pixels along each side before decoding. The colours end
-        at ``highest`` metres.
+        The factor ``zoom`` multiplies the number of pixels along each side of the decoded map. The
+        argument ``highest`` is the height in metres at the end of the colour scale.
         """
         from evocity.coding import decode
         from evocity.pictures import render
@@ -214,8 +217,8 @@ class Individual(Displayed):
         city = self.city
         if zoom is not None and self.run.header.kind != "fabric":
             raise RunError(
-                f"{setting('zoom', zoom)} does not fit a {self.run.header.kind}",
-                "a fabric, which decodes at any size",
+                f"{setting('zoom', zoom)} does not work for a {self.run.header.kind}",
+                "the genome of a city fabric, because only city fabrics decode at any zoom",
                 f"leave {keyword('zoom')} out",
             )
         if zoom is not None:
@@ -224,8 +227,8 @@ class Individual(Displayed):
         return render(city, highest=highest)
 
     def ancestry_picture(self) -> "Image.Image":
-        """Draw a map of the source cities. It shows which cities each range block comes from, and
-        which cities its fabric was copied from before."""
+        """Draw a map of the source cities, with a colour for each city. The map shows which cities
+        supplied each range block, also through earlier generations."""
         from evocity.coding.ancestry import ancestry
         from evocity.pictures import Shares, render_shares
 
@@ -234,28 +237,28 @@ class Individual(Displayed):
         return render_shares(Shares(self.city, ancestry(genome), genome.cities, title))
 
     def scene(self, **how: Any) -> "Scene":
-        """Make a scene of the map in three dimensions, with the scores. The arguments ``how`` are
-        those of `evocity.scene`."""
+        """Make a scene of the map in three dimensions, with the scores. The method takes the same
+        keyword arguments as `evocity.scene`."""
         from evocity.scene import scene
 
         return scene(self.city, **({"measures": self.scores} | how))
 
     def save(self, path: str | os.PathLike, at: str | None = None) -> None:
-        """Write the individual to a file; the suffix of ``path`` chooses the format.
+        """Write the individual to a file. The suffix of ``path`` determines the format.
 
-        ``.parquet`` holds the genome. ``.tif`` and ``.npy`` hold heights, ``.gpkg`` and
-        ``.geojson`` footprints. ``.png`` is a picture. ``.city.json``, ``.glb``, ``.obj``, ``.wrl``
-        and ``.x3d`` hold a scene.
+        A ``.parquet`` file contains the genome. Files with ``.tif`` and ``.npy`` contain heights;
+        files with ``.gpkg`` and ``.geojson`` contain footprints. A ``.png`` file contains a
+        picture. Files with ``.city.json``, ``.glb``, ``.obj``, ``.wrl`` and ``.x3d`` contain a
+        scene in three dimensions.
 
-        at : name of a source city. The map is placed at this city's place on Earth, in its
-            reference system. By default the map lies where all source cities lie. If they lie in
-            several places, the file has no place on Earth.
+        at : name of a source city. The file gets the place on Earth and the coordinate reference
+            system of the named city. By default, the file gets the common place of all source
+            cities. If the source cities have different places, the file gets no place on Earth.
 
-        Raises `EvocityError` for an unknown suffix, and the errors of writing. After an error no
-        file remains.
+        Raises `EvocityError` for an unknown suffix, and other errors if writing fails. After an
+        error, no incomplete file remains.
         """
         from evocity import io
-        from evocity.analysis.georeference import place_of
         from evocity.scene import SUFFIXES, scene, suffix_of
 
         path = Path(path)
@@ -271,7 +274,79 @@ class Individual(Displayed):
         else:
             known = dict.fromkeys([".parquet", *io.WRITERS, *SUFFIXES])
             raise MapError(
-                f"{path.name}: no birth is written as {suffix or 'a file without a suffix'}",
-                f"a name that ends in {', '.join(known)}",
+                f"{path.name}: evocity cannot write {suffix or 'suffixless'} files",
+                f"a file name that ends in {', '.join(known)}",
                 "choose .gpkg or .tif for GIS, .glb for Blender and browsers, .png for a picture",
             )
+
+
+def place_of(run: RunLog, name: str) -> dict[str, object]:
+    """Return ``origin`` and ``crs`` of the source city ``name``. Raises `RunError` without a
+    place."""
+    cities = {source.name: source.city for source in run.sources()}
+    placed = [one for one, city in cities.items() if city.crs is not None]
+    if name not in placed:
+        fault = "lies nowhere on Earth" if name in cities else "is not a source city"
+        raise RunError(
+            f"{run.path}: at = {spell(name)}, which {fault}",
+            f"one of {', '.join(placed)}" if placed else "a source city that lies on Earth",
+            "choose one of these" if placed else "leave it out: .gpkg takes local metres",
+        )
+    return {"origin": cities[name].origin, "crs": cities[name].crs}
+
+
+def ground_of(shares: Mapping[str, float], sources: Sequence[Source]) -> str | None:
+    """Return the source city on Earth with the largest of the ``shares`` (city -> 0…1)."""
+    placed = [one.name for one in sources if one.city.crs is not None and shares.get(one.name)]
+    return max(placed, key=lambda name: shares[name], default=None)
+
+
+def command_for_gis(run: str, identifier: int, ground: str | None) -> str:
+    """Return the shell command that writes an individual as footprints."""
+    at = "" if ground is None else f" --at {shlex.quote(ground)}"
+    return f"evocity decode {shlex.quote(run)} --id {identifier}{at} -o {identifier}.gpkg"
+
+
+def command_for_blender(run: str, identifier: int) -> str:
+    """Return the shell command that writes an individual as a scene."""
+    return f"evocity scene {shlex.quote(run)} --id {identifier} -o {identifier}.glb"
+
+
+# Births whose genomes are held at a time.
+_AT_A_TIME = 256
+
+
+def fabric_of(header: Header, genome: Any, what: str) -> Genome:
+    """Return the fabric in a ``genome``. Raises `RunError`, which names ``what`` needs it."""
+    fabric = header.chromosome.fabric(genome)
+    if fabric is None:
+        raise RunError(
+            f"genomes of the kind {header.kind} have no source cities, but {what} needs them",
+            "a run that breeds city fabrics or sites, because only these have source cities",
+            "use the picture, the measures and the pedigree of the birth instead",
+        )
+    return fabric
+
+
+def built_shares(fabric: Genome, city: CityMap) -> np.ndarray:
+    """Return the share of each source city in what is built on ``city``, float64 ``(cities,)``."""
+    return fabric.shares_of(fabric.pavement.sums(city.built.astype(np.float32)))
+
+
+def shares_of(run: RunLog, ids: np.ndarray) -> np.ndarray:
+    """Return the share of each source city in the births ``ids``, float64 ``(n, cities)``, or
+    NaN."""
+    shares = np.full((len(ids), len(run.header.cities)), np.nan)
+    order = np.argsort(ids, kind="stable")  # births of a generation lie together in the log
+    for rows in np.array_split(order, len(ids) // _AT_A_TIME + 1):
+        for row, birth in zip(rows, run.individuals(ids[rows].tolist()), strict=True):
+            if birth.genome is not None:
+                shares[row] = fabric_of(run.header, birth.genome, "the ancestry").shares
+    return shares
+
+
+def share_text(share: float) -> str:
+    """Return a share in words; a share between nothing and all is neither 0 % nor 100 %."""
+    if 0 < share < 0.005:
+        return "under 1%"
+    return "over 99%" if 0.995 <= share < 1 else f"{share:.0%}"

@@ -3,7 +3,7 @@
 import numpy as np
 
 from evocity.analysis.births import NEVER_BRED, Births
-from evocity.analysis.fabric_genomes import fabric_of
+from evocity.analysis.individual import fabric_of
 from evocity.citymap import CityMap
 from evocity.errors import EvocityError, RunError, check_word
 from evocity.genome import Genome
@@ -35,8 +35,7 @@ class Likeness:
         self._kept["looks"][identifier] = look_of(city)
 
     def points(self, ids: np.ndarray, by: str) -> np.ndarray:
-        """Return what the births ``ids`` are compared by, a row each. Raises `EvocityError` for a
-        way not in `WAYS`, `RunError` for a birth without a map, or without scores."""
+        """Return the values by which births ``ids`` are compared, a row each."""
         check_word("by", by, WAYS)
         if by == "scores":
             rows = self._births.rows(ids)
@@ -67,17 +66,16 @@ class Likeness:
         return RunError(
             f"{self._births.run.path}: individual {identifier} cannot be compared: {why}",
             "births with status ok",
-            "leave this individual out",
+            "leave this individual out of the comparison",
         )
 
     def matrix(self, ids: np.ndarray, by: str) -> np.ndarray:
-        """Return the distances of all births ``ids`` from each other, float64 ``(n, n)``. Raises as
-        `points`, and for more than `MOST`."""
+        """Return all distances between the births ``ids``, float64 ``(n, n)``; at most `MOST`."""
         if len(ids) > MOST:
             raise EvocityError(
                 f"{len(ids)} births are too many to compare each with all others",
                 f"at most {MOST} births",
-                'choose fewer births: of=run.archive.ids, or of=run.where("alive")',
+                'choose fewer births, for example of=run.archive.ids or of=run.where("alive")',
             )
         points = self._scaled(self.points(ids, by), by)
         distances = np.zeros((len(points), len(points)))
@@ -91,8 +89,7 @@ class Likeness:
         return _distances(points[-1], points[:-1], by)
 
     def _scaled(self, points: np.ndarray, by: str) -> np.ndarray:
-        """Losses in units of the ranges of all that keep the constraints, or of all measured
-        births."""
+        """Losses in units of the ranges of the births that keep the constraints."""
         if by != "scores" or not len(points):
             return points
         ok = self._births.ok & self._births.feasible
@@ -110,8 +107,7 @@ def _distances(point: np.ndarray, others: np.ndarray, by: str) -> np.ndarray:
 
 
 def _stones(genome: Genome) -> np.ndarray:
-    """The stone in each cell, at most `SIDE` along each axis, int64: its city, its turn, and the
-    pixel of that city at its north-west corner."""
+    """The source of each cell, at most `SIDE` along each axis, int64: city, turn and pixel."""
     pavement = genome.pavement
     down, right = (slice(None, None, -(-n // SIDE)) for n in (pavement.height, pavement.width))
     block = pavement.index[down, right]

@@ -10,30 +10,28 @@ import numpy as np
 
 from evocity.analysis.births import Births
 from evocity.columns import lists_of
-from evocity.errors import EvocityError, RunError, spell
+from evocity.errors import RunError, check_number
+from evocity.selection.fronts import not_dominated
 
 if TYPE_CHECKING:
     import networkx as nx
 
 
 class Pedigree:
-    """The parents of all ``births`` of a run."""
-
     def __init__(self, births: Births):
         self._births = births
 
     @cached_property
     def _links(self) -> tuple[np.ndarray, np.ndarray]:
-        """Where the parents of each row begin, ``(n + 1,)``, and their rows. Raises `RunError` if
-        one is not among the births, or no older than its child."""
+        """Where the parents of each row begin, ``(n + 1,)``, and their rows."""
         births = self._births
         lengths, parents = lists_of(births.parents)
         starts, rows = np.concatenate([[0], np.cumsum(lengths)]), births.rows(parents)
         if (rows >= np.repeat(np.arange(len(births)), np.diff(starts))).any():
             raise RunError(
-                f"{births.run.path}: the births are damaged: a parent is younger than its child",
-                "births as `evocity run` writes them",
-                "bring the folder back from a copy",
+                f"{births.run.path}: the log is damaged: a parent is younger than its child",
+                "a log of births as `evocity run` writes it",
+                "restore the run folder from a backup",
             )
         return starts, rows
 
@@ -51,8 +49,7 @@ class Pedigree:
         return parents[np.repeat(begin - ends + counts, counts) + np.arange(counts.sum())], counts
 
     def ancestors(self, rows: np.ndarray, steps: int | None = None) -> np.ndarray:
-        """Return the rows of those in ``rows`` and of all their ancestors, over ``steps`` back,
-        rising."""
+        """Return the rows of ``rows`` and their ancestors, over ``steps`` back, rising."""
         marked = np.zeros(len(self._births), bool)
         marked[rows] = True
         further, gone = np.flatnonzero(marked), 0
@@ -78,8 +75,7 @@ class Pedigree:
 def graph_of(
     ids: np.ndarray, columns: Mapping[str, np.ndarray], parents: np.ndarray, children: np.ndarray
 ) -> "nx.DiGraph":
-    """Make a graph with a node for each of ``ids``, with its values of ``columns``, and an edge
-    from each of ``parents`` to its child."""
+    """Make a graph: a node for each of ``ids``, with its ``columns``, and an edge per parent."""
     import networkx
 
     graph, nodes = networkx.DiGraph(), ids.tolist()
@@ -101,8 +97,7 @@ def graph_of(
 
 @contextmanager
 def _uncollected() -> Iterator[None]:
-    """Pause the garbage collector, which takes long among hundreds of thousands of new
-    dictionaries."""
+    """Pause the garbage collector, which takes long among very many new dictionaries."""
     collecting = gc.isenabled()
     gc.disable()
     try:
@@ -116,11 +111,46 @@ def steps_of(generations: object) -> int | None:
     """Return the number of steps back. Raises `EvocityError` for a value that is not one."""
     if generations is None:
         return None
-    whole = isinstance(generations, int | np.integer) and not isinstance(generations, bool)
-    if not whole or generations < 0:
-        raise EvocityError(
-            f"generations = {spell(generations)}",
-            "a whole number of steps from child to parent, 0 or more",
-            "leave generations out to go back to the source cities",
-        )
+    expected = "a whole number of steps from child to parent, 0 or more"
+    remedy = "leave generations out to go back to the source cities"
+    check_number("generations", generations, 0, np.inf, expected, remedy=remedy, whole=True)
     return int(generations)
+
+
+def archive_entries(births: Births) -> np.ndarray:
+    """Return which births entered the archive when born, bool ``(n,)``; of equal ones the first.
+    See `evocity.search.breeding.credit`."""
+    entries = np.zeros(len(births), bool)
+    front = np.empty((0, len(births.goals)))
+    kept = np.flatnonzero(births.feasible)
+    order = kept[np.argsort(births.generation[kept], kind="stable")]
+    ends = np.flatnonzero(np.diff(births.generation[order], append=-1)) + 1
+    for rows in np.split(order, ends[:-1]):
+        together = np.vstack([front, births.losses[rows]])
+        among = not_dominated(together)
+        entries[rows] = among[len(front) :]
+        front = together[among]
+    return entries
+
+
+def credit_of(births: Births, pedigree: Pedigree) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Return the names of operators, those with most births first, and columns as in
+    `Run.credit`."""
+    names, which, counts = np.unique(births.operator, return_inverse=True, return_counts=True)
+
+    def counted(rows: np.ndarray) -> np.ndarray:
+        return np.bincount(which[rows], minlength=len(names))
+
+    among = counted(pedigree.ancestors(np.flatnonzero(births.alive)))
+    share = among / max(1, among.sum())
+    columns = {
+        "births": counts,
+        "failed": counted(~births.ok),
+        "survived": counted(births.lived > 0),
+        "entered": counted(archive_entries(births)),
+        "ancestors": share,
+        "paid": share * len(births) / counts,
+        "seconds": np.bincount(which, births.seconds, len(names)) / counts,
+    }
+    order = np.lexsort((np.arange(len(names)), -counts))
+    return names[order], {name: column[order] for name, column in columns.items()}

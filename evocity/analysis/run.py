@@ -11,17 +11,15 @@ import numpy as np
 from evocity.analysis.arguments import check_count, ids_of, ids_of_any, mask_of
 from evocity.analysis.births import Births
 from evocity.analysis.clusters import farthest_first, label_clusters, medoids
-from evocity.analysis.compromise import best_compromise, weights_of
-from evocity.analysis.credit import credit_of
-from evocity.analysis.fabric_genomes import shares_of
 from evocity.analysis.goals import Aim
-from evocity.analysis.individual import Individual
+from evocity.analysis.individual import Individual, shares_of
 from evocity.analysis.likeness import Likeness
-from evocity.analysis.optional_libraries import library
-from evocity.analysis.pedigree import Pedigree, graph_of, steps_of
+from evocity.analysis.pedigree import Pedigree, credit_of, graph_of, steps_of
 from evocity.analysis.series import diversity_of, series_of
-from evocity.errors import RunError
+from evocity.analysis.shortlist import best_compromise, weights_of
+from evocity.errors import RunError, is_whole
 from evocity.html_display import Displayed
+from evocity.lazy_imports import frame_of, library
 from evocity.search.record import complete_run
 
 if TYPE_CHECKING:
@@ -35,42 +33,31 @@ if TYPE_CHECKING:
     from evocity.search import Archive
 
 
-def open_run(path: str | os.PathLike) -> "Run":
-    """Open a run folder, read only. Opening a run executes nothing and changes nothing.
-
-    The run may still be in progress; only whole generations are visible. Raises `RunError` if there
-    is no run at ``path``, if it is damaged, or if another release wrote it with another schema.
-
-    >>> import evocity
-    >>> run = evocity.open_run("runs/demo")  # doctest: +SKIP
-    >>> run.best("alignment").picture()  # doctest: +SKIP
-    """
-    return Run(path)
-
-
 class Run(complete_run.CompleteRun, Displayed):
-    """Run folder, read only; `evocity.open_run` opens it. It extends `evocity.store.RunLog`.
+    """Run folder that was opened for reading by `evocity.open_run`. The class extends
+    `evocity.store.RunLog`.
 
-    Methods for several births return a pandas frame of their scores: one row for each birth, with
-    the index ``id``. Methods for one birth return an `Individual`.
-    The argument ``of`` chooses births by ids, individuals, a frame of scores, or a condition (see
-    `where`). Births can be counted, indexed by id and iterated: ``len(run)``, ``run[97]``,
+    Methods for several births return a pandas data frame of scores, with one row per birth and the
+    index ``id``. Methods for one birth return an `Individual`. The argument "of" chooses births:
+    by ids, by individuals, by a data frame of scores, or by a condition (see `where`). You can
+    count births, index births by id and iterate over births: ``len(run)``, ``run[97]``,
     ``run[-1]``, ``run[10:20]``, ``97 in run``.
 
-    While a run is in progress, an object shows the generations that were whole at its first use,
-    until `refresh`. Methods raise `RunError` if the run is damaged or has no whole generation, and
-    `EvocityError` if they need pandas and it is missing.
+    While a run is in progress, a `Run` object shows the generations that were complete at its first
+    use. To see newer generations, call `refresh`. Methods raise `RunError` if the run is damaged or
+    has no complete generation, and `EvocityError` if pandas is missing.
     """
 
     @property
     def generations(self) -> range:
-        """Numbers of the generations that were whole at the first use of this object: 0…g."""
+        """Numbers 0…g of the generations that were complete when this object was first used."""
         if not self.__dict__.get("_settled"):  # without any, the folder is looked at again
             self._settled = super().generations
         return self._settled
 
     def refresh(self) -> "Run":
-        """Read the folder again, for new generations and a new recipe. Return the run itself."""
+        """Read the run folder again, to see new generations and a changed recipe. Return the run
+        itself."""
         path = self.path
         self.__dict__.clear()
         self.__init__(path)
@@ -83,7 +70,7 @@ class Run(complete_run.CompleteRun, Displayed):
 
     @property
     def told(self) -> Births:
-        """Former name of `columns`."""
+        """Former name of the attribute ``columns``."""
         return self.columns
 
     # -- single births -----------------------------------------------------------------------
@@ -98,16 +85,14 @@ class Run(complete_run.CompleteRun, Displayed):
     def __contains__(self, one: object) -> bool:
         if isinstance(one, Individual):
             return one.run.path.resolve() == self.path.resolve() and one.id in self
-        whole = isinstance(one, Integral) and not isinstance(one, bool)
-        return whole and len(self) > 0 and bool(np.isin(one, self.columns.ids))
+        return is_whole(one) and len(self) > 0 and bool(np.isin(one, self.columns.ids))
 
     def __getitem__(self, which: int | slice) -> Individual | list[Individual]:
         """``run[97]``: the individual 97; ``run[-1]``: the last birth; ``run[10:20]``: ten
         individuals as a list."""
         if isinstance(which, slice):
             return [Individual(self.columns, one) for one in self.columns.ids[which].tolist()]
-        whole = isinstance(which, Integral) and not isinstance(which, bool)
-        if whole and which < 0 and -len(self) <= which:  # only this needs all births
+        if is_whole(which) and which < 0 and -len(self) <= which:  # only this needs all births
             which = int(self.columns.ids[which])
         return Individual(self.columns, which)
 
@@ -119,12 +104,13 @@ class Run(complete_run.CompleteRun, Displayed):
         columns: Sequence[str] | None = None,
         where: str | None = None,
     ) -> "pa.Table":
-        """Return the births of one generation, or of all, as an Arrow table. polars and DuckDB read
-        this table directly.
+        """Return the births of one generation, or of all generations, as an Arrow table. The
+        libraries polars and DuckDB read Arrow tables directly.
 
-        The argument ``columns`` names columns in order, by default all of the log. See `where` for
-        conditions. Raises `RunError` if a column is unknown or the generation not whole, and
-        `EvocityError` if ``where`` is not a condition.
+        The argument ``columns`` names the columns of the table in their order; by default, the
+        table has all columns of the log. The argument "where" is a condition, as the method `where`
+        explains. Raises `RunError` if a column is unknown or the generation is incomplete, and
+        `EvocityError` for an invalid condition.
         """
         if where is None:
             return super().births(generation, columns)
@@ -139,14 +125,17 @@ class Run(complete_run.CompleteRun, Displayed):
 
     @property
     def scores(self) -> "pd.DataFrame":
-        """Scores of all births: one row for each, with the index ``id``. Columns: generation,
-        operator, status, feasible (measured, and within all present bounds), seconds and alive (in
-        the last generation), and each measure; NaN for no value. A run with islands also has
-        ``island``. A measure whose name is already a column is named fitness.NAME."""
+        """Data frame of the scores of all births, with one row per birth and the index ``id``. The
+        columns are ``generation``, ``operator``, ``status``, ``feasible``, ``seconds``, ``alive``
+        and the measures. The column ``feasible`` is true if all values lie within the current
+        bounds. The column ``alive`` is true for a birth of the last generation. A missing value is
+        NaN. A run with islands also has the column ``island``. If a measure has the name of another
+        column, the measure's column is called fitness.NAME."""
         return self.frame(slice(None))
 
     def frame(self, rows: np.ndarray | slice, **more: np.ndarray) -> "pd.DataFrame":
-        """Return the `scores` of some ``rows`` of `columns`, in order, with ``more`` columns."""
+        """Return the `scores` of the births in the given ``rows``; other keyword arguments become
+        columns of the table."""
         births = self.columns
         names = [name for name in births.columns if name not in ("id", "lived")]
         columns = {name: births.column(name)[rows] for name in names} | more
@@ -158,43 +147,44 @@ class Run(complete_run.CompleteRun, Displayed):
         return pandas.DataFrame(columns, index)
 
     def where(self, condition: str) -> "pd.DataFrame":
-        """Return the `scores` of the births that meet a ``condition``. Examples are "fsi > 2 and
-        crumbs < 4", "operator == 'relocation' and not alive" and "0.2 < gsi <= 0.4". Names are
-        columns of `scores`, ``id`` and ``lived``. The condition is parsed, never executed.
+        """Return the `scores` of the births that meet a ``condition``. Examples of conditions are
+        "fsi > 2 and crumbs < 4", "operator == 'relocation' and not alive" and "0.2 < gsi <= 0.4". A
+        condition can use the columns of `scores`, and the names ``id`` and ``lived``. The method
+        parses the condition and never executes it as code.
 
-        Raises `EvocityError` if the text is not a condition, or names an unknown column.
+        Raises `EvocityError` if the text is not a condition, or if it names an unknown column.
         """
         return self.frame(mask_of(condition, self.columns))
 
     @property
     def series(self) -> "pd.DataFrame":
-        """Course of the run, one row per generation: ``births`` and ``failures`` so far,
-        ``living``, ``feasible`` ones among them, ``hypervolume`` and ``evaluations_per_second``.
-        Columns ``best.<measure>`` and ``mean.<measure>`` summarise the living."""
-        pandas = library("pandas", "a table of generations")
+        """Data frame of the course of the run, with one row per generation. The columns ``births``
+        and ``failures`` count all births up to a generation; ``living`` and ``feasible`` count
+        individuals of this generation. The table has further columns: ``hypervolume``,
+        ``evaluations_per_second``, ``best.<measure>`` and ``mean.<measure>``."""
         columns = series_of(self.columns)
-        index = pandas.Index(columns.pop("generation"), name="generation")
-        return pandas.DataFrame(columns, index)
+        return frame_of(columns, columns.pop("generation"), "generation")
 
     # -- goals and the best ------------------------------------------------------------------
 
     @property
     def aims(self) -> list[Aim]:
-        """Goal of each measure, in words and signs, in the recipe's order."""
+        """Goals of the measures, as `Aim` objects in the order of the recipe."""
         return list(self.columns.aims)
 
     def front(self, generation: int | None = None) -> "pd.DataFrame":
-        """Return the `scores` of the front of a ``generation``, by default the last, best first:
-        the living that no other dominates. With islands, the goals of all islands count."""
+        """Return the `scores` of the front of a ``generation``, with the best first. The front
+        consists of the living individuals that no other individual dominates. The default
+        generation is the last. In a run with islands, the goals of all islands count."""
         ids, ranks = self.columns.ranked(generation)
         return self.frame(self.columns.rows(ids[ranks == 0]))
 
     def best(self, measure: str, goal: str | None = None, alive: bool = False) -> Individual:
-        """Return the best birth by a ``measure``, or by a sum of measures in the recipe. Only
-        births that keep the constraints count. Of equally good births, the first wins.
+        """Return the best birth according to a ``measure``, or to a sum of measures in the recipe.
+        Only births that keep the constraints count. Among equally good births, the first wins.
 
-        goal : "max" or "min" in place of the run's own goal; required if the run has none.
-        alive : whether only individuals that are alive in the last generation count.
+        goal : direction "max" or "min"; required for a measure without a goal in the run.
+        alive : whether to choose only among individuals that are alive in the last generation.
 
         Raises `RunError` if the measure is unknown or has no goal, or if no birth qualifies.
         """
@@ -207,15 +197,16 @@ class Run(complete_run.CompleteRun, Displayed):
 
     def _none_left(self, found: str) -> RunError:
         return RunError(
-            f"{self.path}: {found}",
+            f"{self.path} has no birth to choose: {found}",
             "at least one birth",
-            "see the reason in run.scores, or with evocity status",
+            "look for the reason in run.scores or in the output of `evocity status`",
         )
 
     @cached_property
     def archive(self) -> "Archive":
-        """The births of the whole run that no other dominates; of a run of MAP-Elites the best of
-        each cell. See `evocity.archive`; ``run.archive.ids`` are their ids."""
+        """Births of the whole run that no other birth dominates; in a run of MAP-Elites, the best
+        birth of each cell. See `evocity.archive`. The attribute ``run.archive.ids`` holds the ids
+        of these births."""
         from evocity.search import archive
 
         return archive(self, self.columns.last)
@@ -223,20 +214,21 @@ class Run(complete_run.CompleteRun, Displayed):
     def compromise(
         self, weights: Mapping[str, float] | None = None, of: object = None
     ) -> Individual:
-        """Return the best compromise of the archive, or ``of`` these births. Every birth has a
-        distance from the best value of each goal. The compromise is the birth whose largest
-        distance is smallest (achievement scalarisation, Wierzbicki 1980). The mapping ``weights``
-        gives goals a weight: 1 by default, 0 to ignore the goal.
+        """Return the best compromise of the archive, or of the births in the argument "of". Every
+        birth has a distance from the best value of each goal. The compromise is the birth whose
+        largest distance is smallest (achievement scalarisation, Wierzbicki 1980). The mapping
+        ``weights`` gives each goal a weight: by default 1, or 0 to ignore the goal.
 
-        Raises `EvocityError` for wrong weights, and `RunError` if there is no birth.
+        Raises `EvocityError` for invalid weights, and `RunError` if there is no birth.
         """
         ids, heavy = self._feasible(of), weights_of(weights, self.columns.goals)
         return self[int(ids[best_compromise(self.columns.losses[self.columns.rows(ids)], heavy)])]
 
     def keep(self, n: int = 5, of: object = None) -> "Shortlist":
-        """Return the ``n`` births of the archive, or ``of`` these, that are worth keeping. They are
-        the compromise, the best by each goal, and births that look different; fewer if few differ.
-        Each entry has ``individual``, ``role``, ``why``, ``gave_up`` and ``built``."""
+        """Return a shortlist of at most ``n`` births of the archive: the compromise, the best birth
+        for each goal, and births that look different. The argument "of" replaces the archive by
+        other births. Each entry of the shortlist has the attributes ``individual``, ``role``,
+        ``why``, ``gave_up`` and ``built``."""
         from evocity.analysis.shortlist import choose_shortlist
 
         check_count("n", n)
@@ -246,21 +238,21 @@ class Run(complete_run.CompleteRun, Displayed):
     def view(
         self, of: object = None, measures: Sequence[str] | None = None, order: str | None = None
     ) -> "View":
-        """Return a Jupyter widget of all births, or ``of`` these: a gallery and parallel
-        coordinates with one filter. The attribute ``view.selected`` lists selected births, and
-        ``view.filtered`` births that pass the filter. Without widgets, a notebook shows a picture.
+        """Return a Jupyter widget that shows all births, or the births in the argument "of". The
+        widget has a gallery and parallel coordinates with one filter. The attribute
+        ``view.selected`` lists the selected births, and ``view.filtered`` the births that pass the
+        filter. A notebook without widgets shows a picture.
 
-        measures : first axes of the plot; by default the measures with a goal or bounds.
-        order : column of `scores` that orders the births; ``-`` before the name reverses the order.
-            The default is the first measure, best first.
+        measures : names of the measures for the first axes; by default the measures with a goal or
+            bounds.
+        order : name of the column of `scores` that sorts the births; ``-`` before the name reverses
+            the order. By default, the first measure sorts the births, with the best first.
 
-        Raises `EvocityError` if anywidget is missing, or if a name is unknown.
+        Raises `EvocityError` if the library anywidget is not installed, or if a name is unknown.
         """
         from evocity.analysis.view import View
 
         return View(self, of, measures, order)
-
-    # -- likeness ----------------------------------------------------------------------------
 
     @cached_property
     def likeness(self) -> Likeness:
@@ -282,15 +274,17 @@ class Run(complete_run.CompleteRun, Displayed):
         return kept
 
     def clusters(self, k: int, by: str = "looks", of: object = None) -> "pd.DataFrame":
-        """Divide the archive, or ``of`` these births, into ``k`` groups of similar births. Return
-        the scores with two more columns. The column ``cluster`` is the number of the group, from 0.
-        The column ``medoid`` marks the middle birth of each group.
+        """Divide the births of the archive into ``k`` groups of similar births. The argument "of"
+        replaces the archive by other births. Return the scores with two additional columns. The
+        column ``cluster`` numbers the groups from 0. The column ``medoid`` is true for the middle
+        birth of each group.
 
-        by : kind of distance. "looks" is the share of the map that differs by more than a storey.
-            "scores" is the difference of losses in units of their ranges. "kin" is the share of the
-            map whose range blocks come from other places.
+        by : kind of distance between two births. The distance "looks" is the share of the map where
+            the heights differ by more than a storey. The distance "scores" is the difference
+            between the losses of two births, each loss divided by its range. The distance "kin" is
+            the share of the map with range blocks from different places.
 
-        Raises `EvocityError` if ``k`` is wrong, or if there are too many births to compare.
+        Raises `EvocityError` if ``k`` is out of range, or if there are too many births to compare.
         """
         ids = self._ids(of)
         check_count("k", k, len(ids))
@@ -303,9 +297,10 @@ class Run(complete_run.CompleteRun, Displayed):
     def nearest(
         self, one: int | Individual, n: int = 1, by: str = "looks", of: object = None
     ) -> "Individual | pd.DataFrame":
-        """Return the birth of the archive, or ``of`` these, that is most similar to the birth
-        ``one``. For ``n`` above 1, return the scores of the ``n`` most similar, nearest first, with
-        ``distance``. See `clusters` for the kinds of distance."""
+        """Return the birth of the archive that is most similar to a given birth. If ``n`` is above
+        1, return the scores of the ``n`` most similar births, nearest first, with the column
+        ``distance``. The argument "of" replaces the archive by other births. The method `clusters`
+        explains the kinds of distance."""
         (one,) = ids_of(one, self.columns)
         ids = self._ids(of)
         ids = ids[ids != one]
@@ -317,28 +312,30 @@ class Run(complete_run.CompleteRun, Displayed):
         return self.frame(self.columns.rows(ids[order]), distance=distances[order])
 
     def most_different(self, n: int, of: object = None, by: str = "looks") -> "pd.DataFrame":
-        """Return the scores of ``n`` births of the archive, or ``of`` these: first the two that
-        differ most, then always the farthest from all before. See `clusters` for the distances."""
+        """Return the scores of ``n`` very different births of the archive, or of the births in the
+        argument "of". The two births that differ most come first. Each further birth is the birth
+        that differs most from all births before it. The method `clusters` explains the kinds of
+        distance."""
         ids = self._ids(of)
         check_count("n", n, len(ids))
         rows = farthest_first(self.likeness.matrix(ids, by), n)
         return self.frame(self.columns.rows(ids[rows]))
 
     def diversity(self, by: str = "scores", generations: int = 50) -> "pd.DataFrame":
-        """Return the mean distance ``apart`` between two living individuals, in generations spread
-        evenly over the run. See `clusters` for the distances; "looks" decodes all living
+        """Return a data frame whose column ``apart`` holds the mean distance between two living
+        individuals. The rows are generations, evenly spaced over the run. The method `clusters`
+        explains the kinds of distance. The distance "looks" is slow, because it decodes all living
         individuals."""
         check_count("generations", generations)
-        pandas = library("pandas", "a table of generations")
         numbers, apart = diversity_of(self.columns, self.likeness, by, generations)
-        return pandas.DataFrame({"apart": apart}, pandas.Index(numbers, name="generation"))
+        return frame_of({"apart": apart}, numbers, "generation")
 
     # -- descent -----------------------------------------------------------------------------
 
     def survivors(self, n: int | None = None) -> "pd.DataFrame":
-        """Return the scores of the (first ``n``) births that survived at least one generation. The
-        column ``lived`` counts generations. The longest come first, then the
-        first born."""
+        """Return the scores of the births that survived at least one generation, at most ``n``
+        births. The column ``lived`` counts the generations that a birth survived. The births that
+        survived longest come first; older births come before younger births."""
         lived = self.columns.lived
         rows = np.lexsort((self.columns.ids, -lived))[: np.count_nonzero(lived)]
         if n is not None:
@@ -357,19 +354,20 @@ class Run(complete_run.CompleteRun, Displayed):
         return credit_of(self.columns, self.pedigree)
 
     def credit(self) -> "pd.DataFrame":
-        """Return one row per operator. Columns are ``births``, ``failed`` and ``survived`` (at
-        least one generation). The column ``entered`` counts births that entered the archive when
-        born. The column ``ancestors`` is the operator's share of the living and their ancestors.
-        The column ``paid`` divides this share by the operator's share of births; above 1, the
-        operator has paid. The column ``seconds`` is the mean time of a birth."""
-        pandas = library("pandas", "a table of operators")
+        """Return a data frame of the success of the operators, with one row per operator. The
+        columns ``births``, ``failed`` and ``survived`` count the operator's births; a birth
+        survives if it lives for a generation. The column ``entered`` counts the births that entered
+        the archive when born. The column ``ancestors`` is the operator's share of the living
+        individuals and their ancestors. The column ``paid`` divides the value in the column
+        ``ancestors`` by the operator's share of births. A ``paid`` value above 1 means more success
+        than average. The column ``seconds`` is the mean time of a birth."""
         names, columns = self.operator_credit
-        return pandas.DataFrame(columns, pandas.Index(names, name="operator"))
+        return frame_of(columns, names, "operator")
 
     def lineage(self, one: int | Individual, generations: int | None = None) -> "nx.DiGraph":
-        """Return the ancestors of ``one`` birth as a graph of networkx. Nodes are ids with their
-        scores; edges lead from parent to child. The graph goes back ``generations`` steps, by
-        default to the source cities."""
+        """Return the ancestors of one birth as a graph of networkx. The nodes are ids with the
+        scores of the births; the edges lead from parent to child. The argument ``generations`` is
+        the number of steps back; by default, the graph reaches the source cities."""
         library("networkx", "a lineage")
         births = self.columns
         rows = births.rows(ids_of(one, births))
@@ -379,29 +377,28 @@ class Run(complete_run.CompleteRun, Displayed):
         return graph_of(births.ids[rows], columns, *self.pedigree.edges(rows))
 
     def ancestry(self, which: object) -> "dict[str, float] | pd.DataFrame":
-        """Return the share of the map that comes from each source city. One birth gives a mapping
-        from city to share. Several births give a frame: a row per birth, a column per city."""
+        """Return the share of the map that comes from each source city. For one birth, the result
+        is a mapping from city to share. For several births, the result is a data frame with a row
+        per birth and a column per city."""
         if isinstance(which, Integral | Individual):
             return self[int(self._ids(which)[0])].ancestry()
-        pandas = library("pandas", "a table of shares")
         ids = self._ids(which)
-        index = pandas.Index(ids, name="id")
-        return pandas.DataFrame(shares_of(self, ids), index, list(self.header.cities))
-
-    # -- other measures ----------------------------------------------------------------------
+        return frame_of(shares_of(self, ids), ids, "id", list(self.header.cities))
 
     def score(
         self, ids: object, measures: object, workers: int | None = None, timeout: float = 60.0
     ) -> "pd.DataFrame":
-        """Measure births (ids, individuals or a frame) by measures that the run did not log. Return
-        one column per measure, with NaN for missing values, and the reason in ``error``.
+        """Compute measures that the run did not log, for births given as ids, individuals or a data
+        frame. Return a data frame with one column per measure, with NaN for missing values. The
+        column ``error`` gives the reasons for missing values.
 
-        measures : one measure or a list: names, measures, or files NAME.py, which are executed.
-        workers : number of processes, by default one per core; 0 uses this process, no deadline.
-        timeout : seconds that all measures of one birth may take together.
+        measures : one measure or several. Each measure is a name, a measure object, or a file
+            NAME.py, which evocity executes.
+        workers : number of processes, by default one per core; 0 uses this process, without limit.
+        timeout : time limit in seconds for all measures of one birth.
 
-        The values are kept in the user's cache, evocity/scores in $XDG_CACHE_HOME or ~/.cache, and
-        never in the run. Raises `FitnessError` for an unknown measure.
+        The method keeps the values in the user's cache, the folder ``evocity/scores`` in
+        ``$XDG_CACHE_HOME`` or ``~/.cache``. Raises `FitnessError` for an unknown measure.
         """
         from evocity.analysis.scores import measures_of, score_births
 
@@ -413,15 +410,13 @@ class Run(complete_run.CompleteRun, Displayed):
         table["error"] = pandas.Series(reasons, table.index, dtype=object)
         return table
 
-    # -- files -------------------------------------------------------------------------------
-
     def to_csv(self, path: str | os.PathLike, form: str = "plain", of: object = None) -> None:
-        """Write the scores of all births, or ``of`` these, as CSV, whole or not at all.
+        """Write the scores of all births, or of the births in the argument "of", into a CSV file.
 
-        The ``form`` is "plain" or "design-explorer". The second has columns named ``in:``
-        (generation, operator, share of each city), ``out:`` (measures) and ``img``. It
-        writes the archive by default, and a picture of each birth in the folder NAME-pictures next
-        to the file.
+        The argument ``form`` is "plain" or "design-explorer". In the form "design-explorer", names
+        of columns begin with ``in:`` for generation, operator and shares of cities, and with
+        ``out:`` for measures. The column ``img`` names a picture in the folder NAME-pictures next
+        to the file. By default, "design-explorer" writes only the archive.
         """
         from evocity.analysis.export import write_csv
 
@@ -429,22 +424,25 @@ class Run(complete_run.CompleteRun, Displayed):
         write_csv(self.columns, every, path, form)
 
     def save(self, which: object, path: str | os.PathLike, at: str | None = None) -> None:
-        """Write births, as ids, individuals, a frame or the result of `keep`, into one file.
+        """Write several births into one file. The births are ids, individuals, a data frame, or the
+        result of `keep`.
 
-        A ``.zip`` holds a table of scores and the attribution. It also holds five files for each
-        birth: map as GeoTIFF, footprints, picture, genome and scene. A ``.png`` is a contact sheet:
-        maps on one scale, with ids and scores.
+        A ``.zip`` file contains a table of scores, the attribution, and five files for each birth:
+        GeoTIFF map, footprints, picture, genome and scene. A ``.png`` file is a contact sheet of
+        maps with one scale of heights.
 
-        at : source city at whose place the maps in a ``.zip`` lie, see `Individual.save`.
+        at : name of a source city; the maps in a ``.zip`` file get the place on Earth of this city.
         """
         from evocity.analysis.export import roles_of, write_several
 
         write_several([self[int(one)] for one in self._ids(which)], path, at, roles_of(which))
 
     def compare(self, other: "Run | str | os.PathLike") -> "Comparison":
-        """Compare this run with another, in frames. The frame ``recipes`` lists differences of the
+        """Compare this run with another run. The result has the data frames ``recipes``,
+        ``hypervolume`` and ``fronts``. The frame ``recipes`` lists the differences between the
         recipes. The frame ``hypervolume`` uses the goals of both runs. The frame ``fronts`` says
-        which run dominates which. Printing the result shows sentences."""
+        how far one run's front dominates the other run's front. Printing the result shows the
+        comparison in sentences."""
         from evocity.analysis.comparison import compare
 
-        return compare(self, other if isinstance(other, Run) else open_run(other))
+        return compare(self, other if isinstance(other, Run) else Run(other))

@@ -20,7 +20,7 @@ import numpy as np
 from evocity import __version__, fitness
 from evocity.analysis.births import NEVER_BRED
 from evocity.coding.matching import available_cores
-from evocity.errors import EvocityError, FitnessError, keyword, spell
+from evocity.errors import FitnessError, check_number, keyword, spell
 from evocity.evaluation import Here, Workers, kernel_warmup
 from evocity.evaluation.compilation import compile_once
 from evocity.evaluation.evaluator import UNRECORDED, Setup
@@ -39,8 +39,7 @@ _AT_A_TIME = 256
 
 
 def measures_of(given: object) -> list[Measure]:
-    """Return the measures that ``given`` names: names, files NAME.py or NAME.toml, which are
-    executed or read, and measures; one or many. Raises `FitnessError` for an unknown one."""
+    """Return the measures that ``given`` names: names, files NAME.py or NAME.toml, and measures."""
     many = given if isinstance(given, list | tuple) else [given]
     chosen: dict[str, Measure] = {}
     for one in many:
@@ -56,12 +55,14 @@ def measures_of(given: object) -> list[Measure]:
             raise FitnessError(
                 f"{spell(one)} is not a measure",
                 "the name of a measure, a file NAME.py, or a measure object",
-                "give one of these",
+                'give one of these, for example "compactness"',
             )
         chosen |= {measure.name: measure for measure in several}
     if not chosen:
         raise FitnessError(
-            "no measure is given", "at least one measure", 'give for example "compactness"'
+            "no measure is given",
+            "at least one measure",
+            'give a measure, for example "compactness"',
         )
     return list(chosen.values())
 
@@ -73,13 +74,8 @@ def score_births(
     workers: int | None = None,
     timeout: float = 60.0,
 ) -> tuple[np.ndarray, list[str | None]]:
-    """Return scores, float64 ``(n, measures)``, of the births ``ids``, NaN for no value, and the
-    reason of each birth, None where all values are there. ``workers``: processes, one per core by
-    default; 0 for this process, without a deadline. ``timeout``: seconds, for all measures of one
-    birth.
-
-    Raises `EvocityError` for a wrong number of workers or seconds.
-    """
+    """Return scores, float64 ``(n, measures)``, of the births ``ids``, and reasons for NaN.
+    ``workers``: 0 for this process, without a deadline. ``timeout``: seconds for one birth."""
     workers = _checked(workers, timeout)
     sources = [source.city for source in run.sources()]
     cached = {one.name: _CachedMeasure.of(one, sources) for one in measures}
@@ -121,20 +117,15 @@ def score_births(
 
 
 def _checked(workers: object, timeout: object) -> int:
-    whole = isinstance(workers, int) and not isinstance(workers, bool) and workers >= 0
-    if workers is not None and not whole:
-        raise EvocityError(
-            f"workers = {spell(workers)}",
-            "a whole number, 0 or more",
-            f"leave {keyword('workers')} out to use one per core",
-        )
-    number = isinstance(timeout, int | float) and not isinstance(timeout, bool)
-    if not (number and 0 < timeout < math.inf):
-        raise EvocityError(
-            f"timeout = {spell(timeout)}",
-            "a number of seconds above 0",
-            "leave timeout out to allow a minute",
-        )
+    if workers is not None:
+        expected = "a whole number of processes, 0 or more"
+        remedy = f"leave {keyword('workers')} out to use one process per core"
+        check_number("workers", workers, 0, math.inf, expected, remedy=remedy, whole=True)
+    expected, remedy = (
+        "a number of seconds above 0",
+        "leave timeout out to allow one minute per birth",
+    )
+    check_number("timeout", timeout, math.ulp(0), math.inf, expected, remedy=remedy)
     return available_cores() if workers is None else workers
 
 
@@ -243,7 +234,6 @@ def _read(file: Path) -> dict[str, float]:
 
 
 def _fabric(genome) -> Genome | None:
-    """The fabric in a genome of any kind."""
     return genome if isinstance(genome, Genome) else getattr(genome, "fabric", None)
 
 

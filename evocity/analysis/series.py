@@ -10,9 +10,7 @@ _SUMMED = ("births", "failures", "hypervolume", "evaluations_per_second")
 
 
 def series_of(births: Births) -> dict[str, np.ndarray]:
-    """Return columns with a value per generation: ``generation``, births, failures, living,
-    feasible, hypervolume, evaluations_per_second, ``best.<measure>`` and ``mean.<measure>`` of the
-    living; NaN where the log has no value."""
+    """Return columns with a value per generation, as in `Run.series`; NaN for no value."""
     run, count = births.run, births.last + 1
     history = {one["generation"]: one for one in births.history}
     summaries = [history.get(generation, {}) for generation in range(count)]
@@ -39,8 +37,8 @@ def series_of(births: Births) -> dict[str, np.ndarray]:
 def diversity_of(
     births: Births, likeness: Likeness, by: str, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return at most ``count`` generations, evenly from the first to the last, and the mean
-    distance between two of the living of each; NaN of fewer than two."""
+    """Return at most ``count`` generations, and the mean distance between two of the living of
+    each."""
     born, rows = births.lives
     chosen = np.unique(np.linspace(0, births.last, min(count, births.last + 1)).round().astype(int))
     means = []

@@ -1,7 +1,7 @@
 """The shortlist: a few births worth keeping, and why: the compromise, the best by each goal, and
 one of each kind of look."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -10,13 +10,12 @@ import numpy as np
 
 from evocity.analysis.births import Births
 from evocity.analysis.clusters import label_clusters, medoids
-from evocity.analysis.compromise import best_compromise
-from evocity.analysis.fabric_genomes import share_text
-from evocity.analysis.individual import Individual
+from evocity.analysis.individual import Individual, share_text
 from evocity.analysis.likeness import Likeness
-from evocity.analysis.optional_libraries import library
+from evocity.errors import EvocityError, is_number, near_miss, spell
 from evocity.genome import VOID
 from evocity.html_display import Displayed
+from evocity.lazy_imports import library
 from evocity.selection.fronts import Scale
 
 if TYPE_CHECKING:
@@ -32,9 +31,8 @@ APART = 0.05
 
 @dataclass(frozen=True)
 class ShortlistEntry:
-    """A birth worth keeping. ``role``: "compromise", "best NAME", "of another kind"; ``why``: in a
-    sentence or two; ``gave_up``: the goal in which it is farthest from the best, and both values;
-    ``built``: the cities of its buildings, ``stones`` in words."""
+    """A birth worth keeping. ``role``: "compromise", "best NAME" or "of another kind"; ``gave_up``:
+    the goal in which it is farthest from the best."""
 
     individual: Individual
     role: str
@@ -43,8 +41,7 @@ class ShortlistEntry:
 
     @cached_property
     def built(self) -> dict[str, float]:
-        """Source city -> share of what is built that is its stone, the largest first; empty where
-        nothing is built, and for forms without stones."""
+        """Source city -> share of what is built, the largest first."""
         if not self.individual.run.header.chromosome.ancestry_columns:
             return {}
         shares = self.individual.ancestry(built=True)
@@ -60,7 +57,6 @@ class ShortlistEntry:
 
     @property
     def reasons(self) -> list[str]:
-        """All sentences about it."""
         return [text for text in (self.why, self.gave_up, self.stones) if text]
 
     def __str__(self) -> str:
@@ -75,8 +71,7 @@ class Shortlist(list[ShortlistEntry], Displayed):
 
     @cached_property
     def untraced(self) -> list[str]:
-        """The source cities with buildings of which no entry has more than a hundredth of what is
-        built."""
+        """The source cities without a trace in the buildings of all entries."""
         built = [one.built for one in self]
         if not any(built):
             return []
@@ -110,13 +105,8 @@ def choose_shortlist(
     where: str = "in the archive",
     apart: float = APART,
 ) -> Shortlist:
-    """Choose ``count`` of the births ``ids``, which are ``where``, or as many as differ.
-
-    The best compromise comes first, then the best by each goal. Then come the medoids of the
-    largest groups of similar births that no entry is from. Last come the births that differ most
-    from all entries. A birth that differs from an entry in no larger share of the map than
-    ``apart`` is left out. At least one birth, all measured.
-    """
+    """Choose ``count`` of the births ``ids``, which are ``where``, or as many as differ: the best
+    compromise, the best by each goal, then medoids of the largest groups of others."""
     choice = _Choice(births, ids, where)
     choice.take(best_compromise(choice.losses, np.ones(len(births.goals))), "compromise")
     for column, goal in enumerate(births.goals):
@@ -134,8 +124,8 @@ def choose_shortlist(
 def _kinds(
     choice: "_Choice", likeness: Likeness, count: int, apart: float
 ) -> Iterator[tuple[int, str]]:
-    """Rows of births of other kinds, with a reason: medoids of groups, the largest group first,
-    then the births farthest from all others."""
+    """Rows of births of other kinds, with a reason: medoids of the largest groups, then the
+    farthest."""
     own = np.fromiter(choice.roles, np.intp)
     rest = np.setdiff1d(np.arange(len(choice.ids)), own)
     room = min(max(0, MOST_COMPARED - len(own)), len(rest))
@@ -193,7 +183,6 @@ class _Choice:
         self.roles.setdefault(row, ([], why))[0].append(role)
 
     def value(self, row: int, column: int) -> str:
-        """The value of a goal with its unit; the loss of a sum."""
         goal = self.births.goals[column]
         if goal in self._aims and self._aims[goal].total is None:
             value = self.births.value(goal)[self.births.rows(self.ids[row : row + 1])][0]
@@ -201,7 +190,6 @@ class _Choice:
         return f"a loss of {self.losses[row, column]:.4g}"
 
     def entry(self, row: int) -> ShortlistEntry:
-        """The entry of a row, with its sentences."""
         roles, why = self.roles[row]
         one = Individual(self.births, int(self.ids[row]))
         goals, sentences = self.births.goals, []
@@ -256,3 +244,37 @@ class _Choice:
         return (
             f"It gave up {goal}: {self.value(row, worst)}, the best has {self.value(best, worst)}."
         )
+
+
+def achievement(losses: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return the achievement of ``(n, goals)`` losses, float64 ``(n,)``, lower is better: the
+    largest distance above the best of each goal, in units of their ranges, times ``weights``."""
+    return (np.asarray(weights) * Scale(losses)(losses)).max(axis=1)
+
+
+def best_compromise(losses: np.ndarray, weights: np.ndarray) -> int:
+    """Return the row of ``(n, goals)`` losses with the least `achievement`."""
+    together = (np.asarray(weights) * Scale(losses)(losses)).sum(axis=1)
+    return int(np.lexsort((np.arange(len(losses)), together, achievement(losses, weights)))[0])
+
+
+def weights_of(given: Mapping[str, float] | None, goals: Sequence[str]) -> np.ndarray:
+    """Return the weight of each of the ``goals``: 1, unless ``given`` says otherwise."""
+    weights = dict.fromkeys(goals, 1.0)
+    if given is not None and not isinstance(given, Mapping):
+        raise _fault(given, f'write weights={{"{goals[0]}": 2}}')
+    for name, weight in (given or {}).items():
+        if name not in weights:
+            raise _fault(given, near_miss(str(name), goals) or f"the goals are {', '.join(goals)}")
+        if not (is_number(weight) and 0 <= weight < np.inf):
+            raise _fault(given, f"replace {name} = {spell(weight)}")
+        weights[name] = float(weight)
+    if not any(weights.values()):
+        raise _fault(given, "give at least one goal a weight above 0")
+    return np.array(list(weights.values()))
+
+
+def _fault(given: object, remedy: str) -> EvocityError:
+    return EvocityError(
+        f"weights = {spell(given)}", "a number of 0 or more for each goal in the mapping", remedy
+    )

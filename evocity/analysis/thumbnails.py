@@ -66,7 +66,6 @@ class Thumbnails:
 
     @cached_property
     def highest(self) -> float:
-        """Metres at which their colours end."""
         return highest_of(self._births)
 
     @cached_property
@@ -78,8 +77,7 @@ class Thumbnails:
 
     def of(self, ids: Sequence[int], side: int) -> tuple[dict[int, np.ndarray], dict[int, str]]:
         """Return pictures of the births ``ids``, uint8 ``(height, width, 3)``, at most ``side`` px
-        along the longer side; and for those without a picture the reason. Genomes that the log
-        leaves out are not bred again for a picture."""
+        along the longer side; and the reason for each birth without a picture."""
         missing = [one for one in ids if (one, side) not in self._kept]
         lacking = {}
         for one, made in self._made(missing, side).items():
@@ -98,8 +96,7 @@ class Thumbnails:
         return pictures, lacking
 
     def _made(self, ids: Sequence[int], side: int) -> dict[int, np.ndarray | str]:
-        """A picture of each birth, or the reason why the birth has no picture. The log's small map
-        serves if it is large enough, else the decoded genome."""
+        """A picture of each birth, from the log's small map or the genome, or the reason."""
         run, pictures = self._births.run, {}
         made = run.header.thumbnails
         # enlarged by half at most
@@ -132,7 +129,6 @@ class Thumbnails:
             return {one: made.result() for some in coming for one, made in some.result().items()}
 
     def _made_of(self, birth: Birth, side: int) -> np.ndarray | str:
-        """A picture, or the reason why the birth has no picture."""
         if birth.left_out:
             return f"the log leaves its genome out; run[{birth.id}].picture() breeds it again"
         expressed = self._births.expressed(birth)

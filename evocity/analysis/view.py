@@ -8,10 +8,10 @@ import numpy as np
 from evocity.analysis.arguments import ids_of_any
 from evocity.analysis.births import unknown
 from evocity.analysis.individual import Individual
-from evocity.analysis.optional_libraries import library
 from evocity.analysis.view_table import ViewTable
 from evocity.errors import RunError
 from evocity.html_display import Displayed
+from evocity.lazy_imports import library
 from evocity.viewer.table import Brushes, Table
 
 if TYPE_CHECKING:
@@ -22,10 +22,11 @@ if TYPE_CHECKING:
 
 
 class View(Displayed):
-    """Births of a run as a gallery and parallel coordinates with one filter; `Run.view` makes it.
+    """View of the births of a run: a gallery and parallel coordinates that share one filter. The
+    method `Run.view` makes a view.
 
-    A notebook shows the view as a widget, or as a picture if widgets are missing. Each change in
-    Python appears in the widget at once, and each change in the widget appears in Python.
+    A notebook shows the view as a widget, or as a picture if the notebook has no widgets. A change
+    of the view in Python appears in the widget, and a change in the widget appears in Python.
     """
 
     def __init__(
@@ -57,7 +58,7 @@ class View(Displayed):
 
     @property
     def thumbnails(self) -> "Thumbnails":
-        """Small pictures of the births."""
+        """Small pictures of the births in the view."""
         return self._viewed.thumbnails
 
     def _sheet(self, ids: list[int], side: int) -> "Sheet":
@@ -67,8 +68,9 @@ class View(Displayed):
 
     @property
     def selected(self) -> list[Individual]:
-        """Selected births, in the order of selection. Set this to ids, individuals, a frame or a
-        condition. A birth that the view does not show raises `RunError`."""
+        """Selected births, in the order of selection. To change the selection, set the attribute to
+        ids, individuals, a data frame or a condition. Selecting a birth that the view does not
+        contain raises `RunError`."""
         return [Individual(self.run.columns, one) for one in self.widget.chosen]
 
     @selected.setter
@@ -78,16 +80,17 @@ class View(Displayed):
         if len(gone):
             raise RunError(
                 f"{self.run.path}: the view does not show individual {gone[0]}",
-                "births that the view shows",
-                "view other births: run.view(of=…)",
+                "individuals that the view shows",
+                "make a view that contains the individual, with run.view(of=…)",
             )
         self.widget.chosen = ids.tolist()
 
     @property
     def brushes(self) -> dict[str, list]:
-        """Filter, by column. Set it to spans, as in ``{"fsi": [(1, 2)]}``, or to words, as in
-        ``{"operator": ["mutation"]}``. A birth passes if its values lie in these spans or among
-        these words. The value ``{}`` removes the filter."""
+        """Filter of the view, as a mapping from columns to spans or words. For a column of numbers,
+        give spans, as in ``{"fsi": [(1, 2)]}``. For a column of words, give words, as in
+        ``{"operator": ["mutation"]}``. A birth passes the filter if its value in each filtered
+        column lies in a span or equals one of the words. The value ``{}`` removes the filter."""
         return dict(self.widget.brushes)
 
     @brushes.setter
@@ -96,19 +99,21 @@ class View(Displayed):
 
     @property
     def filtered(self) -> "pd.DataFrame":
-        """Births that pass the filter, as `Run.scores`, in the gallery's order."""
+        """Data frame of the births that pass the filter, in the order of the gallery, with the
+        columns of `Run.scores`."""
         return self.run.frame(self.run.columns.rows(self.filtered_ids))
 
     @property
     def filtered_ids(self) -> np.ndarray:
-        """Ids of the births that pass the filter, int64, in the gallery's order."""
+        """Ids of the births that pass the filter, as an int64 array in the order of the gallery."""
         rows = self.table.row_order(self.widget.order["name"], self.widget.order["reversed"])
         return self.table.ids[rows[self.table.matches(self.widget.brushes)[rows]]]
 
     @property
     def order(self) -> str:
-        """Column that orders the gallery: best first, lowest first, or alphabetically. ``-`` before
-        its name reverses the order."""
+        """Name of the column that sorts the gallery. A column with a goal puts the best births
+        first; other columns sort from the lowest value or alphabetically. The sign ``-`` before the
+        name reverses the order."""
         return "-" * self.widget.order["reversed"] + self.widget.order["name"]
 
     @order.setter
@@ -123,7 +128,7 @@ class View(Displayed):
         return {"name": name.removeprefix("-") if is_turned else name, "reversed": is_turned}
 
     def refresh(self) -> "View":
-        """Read the run again, and keep selection and filter. Return the view itself."""
+        """Read the run again, and keep the present selection and filter. Return the view itself."""
         self.run.refresh()
         self._viewed = ViewTable(self.run, self._of)
         self.widget.show(self.table, self._viewed.about)

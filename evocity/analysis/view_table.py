@@ -62,8 +62,7 @@ class ViewTable:
         return columns
 
     def axes(self, measures: Sequence[str] | None = None) -> list[dict]:
-        """Return the page's first axes: these ``measures``, or those with a goal or bounds. Raises
-        `EvocityError` for an unknown name."""
+        """Return the page's first axes: these ``measures``, or those with a goal or bounds."""
         if measures is None:
             aims = self.run.columns.aims or self.run.columns.recorded
             names = [label(aim.name) for aim in aims]
@@ -101,8 +100,7 @@ class ViewTable:
 
 
 def _grid_of(run: Any) -> tuple[Grid | None, str | None]:
-    """The grid of a run, or of the first of its islands that has one, and that island; None for a
-    run without a grid, or without recorded goals."""
+    """The grid of a run, or of the first of its islands that has one, and that island."""
     with suppress(RunError):
         for island in run.header.islands or [None]:
             grid = grid_of_run(run, island)

@@ -13,10 +13,10 @@
 - `library`: objects from real maps, for scenes
 - `pattern`: a town drawn by a rule
 - `listings`: `cities`, `operators` and `readers`
-- `fitness`, `fitness_new`, `fitness_check`, `fitness_bench`: measures, and your own
+- `fitness`, `fitness_new`, `fitness_check`: measures, and your own
 - `shape`: shapes without a city; `curve`, `curve_detail`: lines as curves with details
-- `shared`: what several commands need: `options`, `inputs`, `checks`, `parameters` of --set,
-  `terminal` for printing, `commands` for errors and exit codes, `search_progress`, `trial_maps`
+- `shared`: what several commands need: `options`, `inputs`, `checks`, `terminal` for printing,
+  `commands` for errors and exit codes, `search_progress`
 
 Commands import heavy modules only when they need them: ``--help`` answers at once.
 """
@@ -63,39 +63,13 @@ Exit codes: 0 done; 1 the run failed; 2 the input is at fault; 130 stopped by Ct
 )
 @click.version_option(__version__, prog_name="evocity")
 def main() -> None:
-    """Breed city fabrics: code districts as fractal genomes, cross, decode and measure them."""
+    """Breed city fabrics: encode districts as fractal genomes, combine the genomes, and measure the
+    decoded maps."""
 
 
-for _command in (
-    run,
-    recipe,
-    resume,
-    pick,
-    reweight,
-    stop,
-    refine,
-    replay,
-    status,
-    report,
-    keep,
-    studio,
-    encode,
-    decode,
-    breed,
-    grow,
-    score,
-    autosimilarity,
-    show,
-    scene,
-    library,
-    pattern,
-    cities,
-    fitness,
-    operators,
-    readers,
-    shape,
-    curve,
-):
+_RUNS = (run, recipe, resume, pick, reweight, stop, refine, replay, status, report, keep, studio)
+_MAPS = (encode, decode, breed, grow, score, autosimilarity, show, scene, library, pattern, cities)
+for _command in (*_RUNS, *_MAPS, fitness, operators, readers, shape, curve):
     main.add_command(_command)
 
 __all__ = ["main"]

@@ -8,6 +8,7 @@ import click
 
 import evocity
 from evocity.cli.shared.checks import check_output, replace_file
+from evocity.cli.shared.commands import command
 from evocity.cli.shared.options import FILE, SIZES, json_option, map_options, option, output_option
 from evocity.cli.shared.terminal import (
     describe,
@@ -29,37 +30,45 @@ _MEASURES = {
 }
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity autosimilarity lyon-1er --domains 20 -o lyon-mu.png
   evocity autosimilarity lyon-1er --block 4 --domains 5-16 --measure least -o lyon-mu.tif
   evocity autosimilarity lyon-1er --block 4,6,8 --measure likeness -o lyon-likeness.png
-  evocity autosimilarity lyon-1er --domains 9-20 --measure domain --normalise variance -o d.png"""
-)
+  evocity autosimilarity lyon-1er --domains 9-20 --measure domain --normalise variance -o d.png""")
 @click.argument("map", metavar="MAP")
-@output_option("FILE", "File to write: .tif (values with a place), .png (a picture), .npy (values)")
+@output_option(
+    "FILE", "File to write: .tif (values with coordinates), .png (a picture) or .npy (only values)"
+)
 @option(
-    "--block N[,N…]", "Sides B of the range blocks, pixels; several sides let B vary.", SIZES, "8"
+    "--block N[,N…]",
+    "Sides B of the range blocks, in pixels; with several sides, the side B varies over the map.",
+    SIZES,
+    "8",
 )
 @option(
     "--domains N[,N…]|N-N",
-    "Sides D of the domain blocks, pixels; each B is compared only with larger D. [2B]",
+    "Sides D of the domain blocks, in pixels; a range block is compared only with larger domain "
+    "blocks. [2B]",
     SIZES,
 )
 @option(
     "--measure",
-    "Value to write for a pixel: mean µ, least µ, largest B, (1 − µ)·B, or best D. "
-    "[mean; likeness if B is free]",
+    "Value to write for each pixel: the mean error µ, the least error µ, the largest side B, the "
+    "product (1 − µ)·B, or the best side D. [mean; likeness if B is free]",
     click.Choice([*_MEASURES]),
 )
 @option(
     "--normalise",
-    "Divisor of µ: the square of the map's range of heights, or the variance of the block.",
+    "Number that divides the error µ: the square of the map's height range, or the variance of "
+    "the range block.",
     click.Choice(["heights", "variance"]),
     "heights",
 )
-@option("--curve CSV", "CSV file for the mean of µ by D, a row for each B and D.", FILE)
+@option(
+    "--curve CSV",
+    "CSV file to write: each row has a pair of block sides B and D, and the mean error µ.",
+    FILE,
+)
 @option("--threads", "Number of threads. [all cores]", int)
 @map_options
 @json_option
@@ -68,19 +77,22 @@ def autosimilarity(
 ) -> None:
     """Write a map of the places where MAP is similar to itself (Marsault 2005, section 1.3).
 
-    µ is the part of a range block that its best domain block does not explain, from 0 to 1. µ is 0
-    where the map repeats itself exactly at another scale. The search is exact: it compares all
-    positions of both blocks, in 8 isometries. MAP is a file or the name of a bundled district.
+    The error µ, from 0 to 1, is the share of a range block that its best domain block cannot
+    explain. The error µ is 0 where the map repeats itself exactly at another scale. The search is
+    exact: it compares all range blocks with all domain blocks, in 8 isometries. MAP is a file or
+    the name of a bundled district.
 
-    The time grows with the fourth power of the map's side, and with the number of sides B and D. A
-    map of 256 px takes about ten seconds with one B and one D.
+    The computing time grows with the fourth power of the map's side, and with the number of block
+    sides B and D. With one side B and one side D, a map of 256 × 256 px takes about ten seconds.
 
-    Some pixels have no value, for example flat ground with --normalise variance. Pixels without a
-    value are NaN in .tif and .npy and grey in pictures, and the printed figures leave them out.
+    Some pixels have no value, for example pixels of flat ground with --normalise variance. Pixels
+    without a value are NaN in .tif and .npy files, and grey in pictures. The printed figures leave
+    out pixels without a value.
 
-    JSON keys: measure, normalise, lowest, mean, highest (of the written values; null if there are
-    none), known (share of the pixels that have a value), curve (by B and D, the mean of µ),
-    seconds.
+    The JSON document has the keys "measure", "normalise", "lowest", "mean", "highest", "known",
+    "curve" and "seconds". The keys "lowest", "mean" and "highest" are null if no pixel has a value.
+    The key "known" is the share of pixels that have a value. The key "curve" has the mean error µ
+    for each pair of block sides B and D.
     """
     import numpy as np
 
@@ -120,18 +132,10 @@ def autosimilarity(
         else [math.nan] * 3
     )
     if as_json:
-        print_json(
-            {
-                "measure": measure,
-                "normalise": normalise,
-                "lowest": lowest,
-                "mean": mean,
-                "highest": highest,
-                "known": known.size / values.size,
-                "curve": {str(m.block): m.curve for m in maps},
-                "seconds": seconds,
-            }
-        )
+        facts = {"measure": measure, "normalise": normalise}
+        facts |= {"lowest": lowest, "mean": mean, "highest": highest}
+        facts |= {"known": known.size / values.size, "curve": {str(m.block): m.curve for m in maps}}
+        print_json(facts | {"seconds": seconds})
         return
     echo(describe(city))
     echo(
@@ -152,9 +156,10 @@ def _check_measure(measure: str, free: bool | None, blocks: list[int]) -> None:
         return
     sizes = ",".join(str(size) for size in blocks)
     raise EvocityError(
-        f"--measure {measure} does not fit --block {sizes}",
-        "several block sizes for largest and likeness, one for mean, one or several for least",
-        "give --block 4,6,8 for largest and likeness, --block 8 for mean",
+        f"--measure {measure} cannot be used with --block {sizes}",
+        "several sides in --block for the measures largest and likeness; only one side for the "
+        "measure mean",
+        "write for example --measure largest --block 4,6,8; or --measure mean --block 8",
     )
 
 

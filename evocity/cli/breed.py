@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from evocity.cli.shared.checks import check_genome_output, report_write_errors
+from evocity.cli.shared.commands import command
 from evocity.cli.shared.inputs import parents_of
 from evocity.cli.shared.options import (
     WHOLE,
@@ -14,9 +15,9 @@ from evocity.cli.shared.options import (
     option,
     output_option,
     parent_options,
+    settings_of,
     settings_option,
 )
-from evocity.cli.shared.parameters import settings_of
 from evocity.cli.shared.terminal import echo, note, note_compiling, print_json
 from evocity.errors import OperatorError
 
@@ -24,34 +25,33 @@ from evocity.errors import OperatorError
 SHORT = 0.1
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity breed pavement_fusion lyon.parquet montpellier.parquet -o child.parquet
   evocity breed pavement_fusion lyon-1er montpellier-pas-du-loup --seed 7 \\
       --set side_max=64 --set fill=0.3 --set domains=2,3 -o child.parquet
-  evocity breed mutation runs/lyon-x-montpellier --id 97 --set repair=none -o child.parquet"""
-)
+  evocity breed mutation runs/lyon-x-montpellier --id 97 --set repair=none -o child.parquet""")
 @click.argument("operator", metavar="OPERATOR")
 @click.argument("parents", metavar="PARENT...", nargs=-1, required=True)
 @output_option("GENOME", "Genome file to write, usually .parquet")
 @option("--seed", "Seed of the random draws; the same seed makes the same child.", WHOLE, 0)
 @settings_option("the operator's own")
-@ids_option("once for each run among the parents, in their order")
+@ids_option("Give one --id for each run folder among the parents, in the order of the folders")
 @parent_options
 @json_option
 def breed(
     operator: str, parents, output: Path, seed, settings, identifiers, reading, coding, as_json
 ) -> None:
-    """Breed a child of PARENTs with OPERATOR, and write its genome.
+    """Breed a child of PARENTs with OPERATOR, and write the genome of the child.
 
-    `evocity operators list` prints the operators and their parameters. A PARENT is a genome file, a
-    run folder with --id, a map file or a bundled district; the command codes maps first. All
-    parents must have the same size and pixels, and for most operators the same range blocks. The
-    child keeps the pixels that `evocity encode --lock` locked in a parent.
+    The command `evocity operators list` prints the operators and their parameters. A PARENT is a
+    genome file, a run folder with --id, a map file, or the name of a bundled district. If you name
+    a map, the command first encodes the map as a genome. All parents must have the same number of
+    pixels and the same pixel size. Most operators need parents that have the same range blocks. The
+    child keeps the pixels that were locked in a parent with `evocity encode --lock`.
 
-    JSON keys: operator, seed, lifs, cities (by source city, its share of the map), made (facts from
-    the operator, such as the shares it reached and the number of lifs it repaired).
+    The JSON document has the keys "operator", "seed", "lifs", "cities" and "made". The key "cities"
+    has the share of the map that comes from each source city. The key "made" has facts from the
+    operator, such as the shares it reached and the number of repaired lifs.
     """
     import numpy as np
 
@@ -84,8 +84,7 @@ def breed(
 
 
 def _note_fill(made: Mapping[str, object]) -> None:
-    """Note shares that miss ``fill`` by more than the margin, and parents without a part in the
-    child."""
+    """Note shares that miss ``fill`` by more than the margin, and parents that left nothing."""
     if not {"fill", "fill_reached", "margin"} <= made.keys():
         return
     shares = list(zip(made["fill"], made["fill_reached"], strict=True))
@@ -122,8 +121,7 @@ def _note_street_blocks(breeding, parents: Sequence[str], made: Mapping[str, obj
 
 
 def make_operator(name: str, settings: Mapping[str, object]):
-    """Make the operator called ``name`` with its parameters as typed: ``reach=all`` stands for
-    None, as in recipes, and a list of one item needs no comma. Raises `OperatorError`."""
+    """Make the operator ``name`` from typed parameters: ``reach=all`` is None, 2 may be a list."""
     from evocity.operators import make, operators
     from evocity.operators.parameters import wrong_types
 
@@ -159,7 +157,8 @@ def _check_count(operator, count: int) -> None:
         raise OperatorError(
             f"{operator.name} cannot breed from {count} parent{'s' * (count > 1)}",
             f"{fewest if most == fewest else counts} parent{'s' * (most != 1)}",
-            "name that many genomes, maps or districts after the operator",
+            "after the name of the operator, name the expected number of genomes, maps or "
+            "districts",
         )
     if hasattr(operator, "check_count"):
         operator.check_count(count)

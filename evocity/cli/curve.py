@@ -19,7 +19,7 @@ from evocity.cli.curve_detail import (
     write_output,
 )
 from evocity.cli.shared.checks import check_output, replace_file
-from evocity.cli.shared.commands import Commands
+from evocity.cli.shared.commands import Commands, command
 from evocity.cli.shared.inputs import city_of
 from evocity.cli.shared.options import (
     FILE,
@@ -42,39 +42,42 @@ _RASTERS = (".tif", ".tiff", ".npy", ".png")
 
 @click.group(cls=Commands)
 def curve() -> None:
-    """Curves with details: trace lines, fit curves, describe and change them, lay them on a map.
+    """Trace lines in maps, fit curves with details to lines, change the curves, and draw them on
+    maps.
 
-    A curve has a few control points, maps that make its parts, and details. The details are what
-    the line adds to these parts, level by level. CURVE is a file that `fit` wrote.
+    A curve consists of control points, affine maps and details. The affine maps generate the parts
+    of the curve from the control points. On each level, the details are the differences between the
+    generated curve and the original line. CURVE is a file that `evocity curve fit` wrote.
     """
 
 
-@curve.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity curve trace lyon-1er -o edge.geojson
   evocity curve trace lyon-1er --what streets --count 5 -o streets.geojson
-  evocity curve trace lyon-1er --what skyline --bearing 30 -o skyline.geojson"""
-)
+  evocity curve trace lyon-1er --what skyline --bearing 30 -o skyline.geojson""")
 @click.argument("source", metavar="MAP|GENOME|RUN")
 @id_option
 @output_option("GEOJSON", "File to write")
 @option(
     "--what",
-    "Edge of the fabric, roofs against the sky, walls, or middle lines of streets.",
+    "Lines to trace: the edge of the fabric, the skyline, the façades, or the middle lines of "
+    "streets.",
     click.Choice(["edge", "skyline", "facades", "streets"]),
     "edge",
 )
 @option(
     "--bearing",
-    "Direction of view of a skyline, degrees clockwise from north.",
+    "Viewing direction of a skyline, in degrees clockwise from north.",
     click.FloatRange(-360, 360),
     0.0,
 )
 @option(
-    "--reach", "Half the width of gaps that an edge closes, metres.", click.FloatRange(0, 200), 12.0
+    "--reach",
+    "Half the width of the widest gap that the traced edge closes, in metres.",
+    click.FloatRange(0, 200),
+    12.0,
 )
-@option("--count", "Largest number of lines, the longest first.", POSITIVE, 1)
+@option("--count", "Largest number of lines to write; the longest lines come first.", POSITIVE, 1)
 @json_option
 @map_options
 def trace(
@@ -88,9 +91,10 @@ def trace(
     as_json: bool,
     reading: Mapping[str, object],
 ) -> None:
-    """Trace lines of a map: the edge of its fabric, its skyline, façades, streets.
+    """Trace lines in a map: the edge of the built fabric, the skyline, façades or streets.
 
-    JSON keys: lines, a list of objects with points and length (metres).
+    The JSON document has the key "lines", a list with the number of points and the length (metres)
+    of each line.
     """
     from evocity import scene
     from evocity.io import PlacedLines, write_lines
@@ -111,7 +115,7 @@ def trace(
         raise EvocityError(
             f"{city.name}: the map has no line of 50 m or more",
             "a map with a line of 50 m or more",
-            "choose a larger map, or another --what",
+            "use a larger map, or trace other lines with --what",
         )
     write_lines(PlacedLines(tuple(lines), crs, city.attribution), output)
     listed = [{"points": len(line), "length": length_of(line)} for line in lines]
@@ -123,22 +127,26 @@ def trace(
     echo(f"wrote {output}")
 
 
-@curve.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity curve fit edge.geojson -o edge.json
   evocity curve fit edge.geojson --points 5 --depth 8 -o edge.json
-  evocity curve fit coast.geojson --drawn all -o coast.parquet"""
-)
+  evocity curve fit coast.geojson --drawn all -o coast.parquet""")
 @click.argument("line", metavar="LINE.geojson")
 @curve_output
 @option("--points", "Number of control points.", click.IntRange(2, 16), 4)
-@option("--maps", "Number of maps, and so of parts of each polygon.", click.IntRange(2, 64), 2)
-@option("--depth", "Number of levels. [by the points of the line]", click.IntRange(1, 19))
-@option("--drawn K|all", "Number of finest levels that the maps draw without details.", default="3")
-@option("--starts", "Number of starting points of the fit.", click.IntRange(1, 1000), 6)
-@option("--seed", "Seed of the starting points.", WHOLE, 0)
-@option("--number", "Index of the line in the file, from 0. [the longest]", WHOLE)
+@option(
+    "--maps",
+    "Number of affine maps; each affine map generates a part of the curve.",
+    click.IntRange(2, 64),
+    2,
+)
+@option("--depth", "Number of levels of detail. [from the line]", click.IntRange(1, 19))
+@option(
+    "--drawn K|all", "Number of finest levels that the curve draws without details.", default="3"
+)
+@option("--starts", "Number of random starts of the fit.", click.IntRange(1, 1000), 6)
+@option("--seed", "Seed of the random starts of the fit.", WHOLE, 0)
+@option("--number", "Index of the line in the file, counted from 0. [the longest]", WHOLE)
 @json_option
 def fit(
     line: str,
@@ -154,12 +162,14 @@ def fit(
 ) -> None:
     """Fit a curve, with details, to a line in a GeoJSON file.
 
-    The fit searches for contracting maps that keep the curve near the line, even without details in
-    the finest K levels (--drawn). Coordinates in degrees become metres around the middle of the
-    line.
+    The fit searches for contracting affine maps. The fitted curve stays near the line even without
+    the details of the finest K levels (--drawn). Coordinates in degrees are projected to metres
+    around the middle of the line.
 
-    JSON keys: points, depth, numbers (how many numbers the curve has without the finest K levels),
-    rms (metres from the line, without these levels), contraction (lower, upper, proved).
+    The JSON document has the keys "points", "depth", "numbers", "rms" and "contraction". The key
+    "contraction" has the keys "lower", "upper" and "proved". The key "numbers" counts the points of
+    the curve without its finest K levels. The key "rms" is the root-mean-square distance between
+    the line and the curve without its finest K levels, in metres.
     """
     import numpy as np
 
@@ -171,8 +181,8 @@ def fit(
     if drawn != "all" and not (drawn.isdecimal() and 1 <= int(drawn) <= 64):
         raise EvocityError(
             f"--drawn {drawn} is not a number of levels",
-            "a whole number, 1 or more, or all",
-            "correct the number",
+            "the word all, or a whole number of levels, 1 or more",
+            "correct the number after --drawn",
         )
     placed = read_lines(line)
     chosen = _choose_line(placed.lines, number, line)
@@ -188,15 +198,8 @@ def fit(
     numbers = len(fitted.points(fitted.depth - levels))
     if as_json:
         contraction = {"lower": bounds.lower, "upper": bounds.upper, "proved": bounds.proved}
-        print_json(
-            {
-                "points": len(fitted.line()),
-                "depth": fitted.depth,
-                "numbers": numbers,
-                "rms": rms,
-                "contraction": contraction,
-            }
-        )
+        counts = {"points": len(fitted.line()), "depth": fitted.depth, "numbers": numbers}
+        print_json(counts | {"rms": rms, "contraction": contraction})
         return
     echo(f"{len(fitted.line())} points, {fitted.depth} levels; exact with all details")
     echo(f"without the finest {levels} levels: {numbers} points, {rms:.4g} m off (RMS)")
@@ -206,20 +209,26 @@ def fit(
     echo(f"wrote {output}")
 
 
-@curve.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity curve lay river.json lyon-1er --width 14 -o with-river.tif
   evocity curve lay river.json lyon-1er --width 14 -o with-river.tif --mask river.npy
-  evocity curve lay wall.json lyon-1er --width 4 --height 12 -o walled.tif"""
-)
+  evocity curve lay wall.json lyon-1er --width 4 --height 12 -o walled.tif""")
 @click.argument("source", metavar="CURVE")
 @click.argument("place", metavar="MAP|GENOME|RUN")
 @id_option
 @output_option("TIF|NPY|PNG", "Map to write, with the curve on it")
-@option("--width", "Width of the strip along the curve, metres.", float, required=True)
-@option("--height", "Height of the strip, metres; 0 for ground or water.", float, 0.0)
-@option("--mask NPY", "Mask of the strip to write, for `evocity encode --lock`.", FILE)
+@option("--width", "Width of the drawn curve, in metres.", float, required=True)
+@option(
+    "--height",
+    "Height of the drawn curve above ground, in metres; use 0 for ground or water.",
+    float,
+    0.0,
+)
+@option(
+    "--mask NPY",
+    "Mask file to write, which marks the pixels under the curve for evocity encode --lock.",
+    FILE,
+)
 @json_option
 @map_options
 def lay(
@@ -233,14 +242,15 @@ def lay(
     as_json: bool,
     reading: Mapping[str, object],
 ) -> None:
-    """Lay a curve on a map: a river, a boulevard, a wall.
+    """Draw a curve on a map, for example as a river, a boulevard or a wall.
 
-    If the curve and the map have places on Earth, the curve keeps its place. Otherwise the
-    coordinates of the curve are metres from the map's south-west corner. The command refuses a
-    curve that crosses itself, misses the map or is narrower than a pixel.
+    If the curve and the map both have coordinates on Earth, the curve keeps its coordinates. If the
+    curve has no coordinates on Earth, its points are distances in metres from the south-west corner
+    of the map. The command stops with an error if the curve crosses itself, misses the map, or is
+    narrower than a pixel.
 
-    JSON keys: pixels (covered by the strip), built (square metres of buildings that the strip
-    replaces).
+    The JSON document has the keys "pixels" and "built". The key "pixels" counts the pixels under
+    the drawn curve. The key "built" is the area of the replaced buildings, in m².
     """
     import numpy as np
 
@@ -274,7 +284,7 @@ def _choose_line(lines: "tuple[np.ndarray, ...]", number: int | None, name: str)
             raise EvocityError(
                 f"--number {number} is too large for the {len(lines)} lines in {name}",
                 f"a number from 0 to {len(lines) - 1}",
-                "choose another line",
+                "choose another line with --number",
             )
         return lines[number]
     longest = max(range(len(lines)), key=lambda k: length_of(lines[k]))
@@ -283,5 +293,5 @@ def _choose_line(lines: "tuple[np.ndarray, ...]", number: int | None, name: str)
     return lines[longest]
 
 
-for _command in (detail, transfer, amplify):
+for _command in (trace, fit, lay, detail, transfer, amplify):
     curve.add_command(_command)

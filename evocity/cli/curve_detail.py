@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from evocity.cli.shared.checks import check_output, replace_file
+from evocity.cli.shared.commands import command
 from evocity.cli.shared.options import WHOLE, json_option, option, output_option
 from evocity.cli.shared.terminal import echo, print_json, warn
 from evocity.errors import EvocityError
@@ -22,26 +23,26 @@ if TYPE_CHECKING:
 WRITTEN = (".json", ".parquet", ".geojson", ".png", ".svg")
 curve_output = output_option(
     "FILE",
-    "File to write, .json or .parquet (the curve), .geojson (its line), .png or .svg (a picture)",
+    "File to write: .json or .parquet (the curve), .geojson (a line), .png or .svg (a picture)",
 )
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity curve detail edge.json
-  evocity curve detail edge.json --drop 3 -o eighth.json"""
-)
+  evocity curve detail edge.json --drop 3 -o eighth.json""")
 @click.argument("source", metavar="CURVE")
-@option("--drop", "Number of finest levels to leave out.", WHOLE, 0)
+@option("--drop", "Number of finest levels of detail to leave out.", WHOLE, 0)
 @output_option("FILE", "Curve to write: .json, .parquet, .geojson, .png or .svg", required=False)
 @json_option
 def detail(source: str, drop: int, output: Path | None, as_json: bool) -> None:
-    """Print how much detail each level of a curve has, and the error without these details.
+    """Print the amount of detail on each level of a curve, and the error of the curve without the
+    details of the level.
 
-    JSON keys: levels, a list of level, points, amount (root mean square of its details, in chords
-    of their polygons) and rms (error in metres without this level and all finer levels); length
-    (metres), dimension (by boxes).
+    The JSON document has the keys "levels", "length" (metres) and "dimension" (from box counting).
+    Each entry of the key "levels" has the keys "level", "points", "amount" and "rms". The key
+    "amount" is the root mean square of the details, divided by the chord of their polygon. The key
+    "rms" is the error in metres of the curve without the details of a level and of all finer
+    levels.
     """
     from evocity.shapes import StoredCurve, line_dimension, rms_of
 
@@ -74,28 +75,31 @@ def detail(source: str, drop: int, output: Path | None, as_json: bool) -> None:
         echo(f"wrote {output}")
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity curve transfer street.json edge.json -o street-as-rough.json
-  evocity curve transfer street.json edge.json --levels 4 --gain 0.5 -o out.geojson"""
-)
+  evocity curve transfer street.json edge.json --levels 4 --gain 0.5 -o out.geojson""")
 @click.argument("source", metavar="CURVE")
 @click.argument("donor", metavar="DONOR")
 @curve_output
-@option("--levels", "Number of finest levels that change. [all but the coarsest]", WHOLE)
-@option("--gain", "Factor for the donor's details.", float, 1.0)
+@option(
+    "--levels",
+    "Number of finest levels whose details the command replaces. [all but the coarsest]",
+    WHOLE,
+)
+@option("--gain", "Factor that multiplies the details of DONOR.", float, 1.0)
 @json_option
 def transfer(
     source: str, donor: str, output: Path, levels: int | None, gain: float, as_json: bool
 ) -> None:
-    """Replace the finest details of a curve by the details of another curve, DONOR.
+    """Replace the finest details of CURVE with the details of another curve, DONOR.
 
-    Details are relative to the polygons of their level: the place and the size of the donor do not
-    matter. If the donor has other maps, the donor is coded again with the maps of the curve. If the
-    new line crosses itself, the command writes it with a warning.
+    The position and the size of DONOR have no effect, because details are relative to the size of
+    their curve. If DONOR and CURVE have different affine maps, the command first encodes DONOR
+    again with the affine maps of CURVE. If the new line crosses itself, the command still writes
+    the line, and prints a warning.
 
-    JSON keys: length (metres), crosses (where the line crosses itself, or null).
+    The JSON document has the keys "length" (metres) and "crosses" (the place where the line crosses
+    itself, or null).
     """
     check_output(output, source, WRITTEN)
     check_output(output, donor)
@@ -106,23 +110,26 @@ def transfer(
     _write_changed(changed, stored.crs, "; ".join(credits), output, as_json)
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity curve amplify edge.json --gain 2 -o rougher.json
-  evocity curve amplify edge.json --gain 0 --levels 6,7 -o smoother.png"""
-)
+  evocity curve amplify edge.json --gain 0 --levels 6,7 -o smoother.png""")
 @click.argument("source", metavar="CURVE")
 @curve_output
-@option("--gain", "Factor for the details; 0 removes them.", float, required=True)
-@option("--levels A,B", "Levels to change; 0 is the coarsest. [all]")
+@option(
+    "--gain",
+    "Factor that multiplies the details; a factor of 0 removes all details.",
+    float,
+    required=True,
+)
+@option("--levels A,B", "Levels of detail to change; level 0 is the coarsest level. [all]")
 @json_option
 def amplify(source: str, output: Path, gain: float, levels: str | None, as_json: bool) -> None:
     """Enlarge or reduce the details of a curve.
 
-    If the new line crosses itself, the command writes it with a warning.
+    If the new line crosses itself, the command still writes the line, and prints a warning.
 
-    JSON keys: length (metres), crosses (where the line crosses itself, or null).
+    The JSON document has the keys "length" (metres) and "crosses" (the place where the line crosses
+    itself, or null).
     """
     check_output(output, source, WRITTEN)
     chosen = None
@@ -131,8 +138,8 @@ def amplify(source: str, output: Path, gain: float, levels: str | None, as_json:
         if not all(part.isdecimal() and len(part) < 4 for part in parts):
             raise EvocityError(
                 f"--levels {levels} is not a list of levels",
-                "whole numbers, such as 5,6",
-                "correct the numbers",
+                "whole numbers with commas between them, such as 5,6",
+                "correct the list after --levels",
             )
         chosen = [int(part) for part in parts]
     stored = read_stored(source)

@@ -6,7 +6,8 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.shared.checks import check_output, check_zoom
+from evocity.cli.shared.checks import check_needs, check_output, check_zoom
+from evocity.cli.shared.commands import command
 from evocity.cli.shared.inputs import (
     decode_genome,
     fabric_in,
@@ -31,9 +32,7 @@ from evocity.errors import EvocityError
 _PLACED = (".gpkg", ".tif", ".tiff")
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity decode lyon.parquet -o lyon.tif
   evocity decode lyon.parquet -o detailed.png --zoom 2
   evocity decode lyon.parquet -o simpler.png --low-pass 10
@@ -41,58 +40,64 @@ Examples:
   evocity decode lyon.parquet -o lyon.geojson
   evocity decode runs/lyon-x-montpellier --id 97 -o bred.gpkg
   evocity decode runs/lyon-x-montpellier --id 97 --at lyon-1er -o in-lyon.gpkg
-  evocity decode lyon.parquet -o staircases.gpkg --raw"""
-)
+  evocity decode lyon.parquet -o staircases.gpkg --raw""")
 @click.argument("genome", metavar="GENOME|RUN")
 @output_option(
     "MAP",
-    "Map to write: .tif (heights with a place), .gpkg or .geojson (footprints with heights), "
-    ".png (a picture), .npy (heights)",
+    "Map to write: .tif (heights with coordinates), .gpkg or .geojson (footprints with heights), "
+    ".png (a picture) or .npy (only heights)",
 )
 @id_option
 @at_option
-@option("--zoom", "Fractal zoom: above 1 adds detail, below 1 simplifies.", float, 1.0)
 @option(
-    "--low-pass F_C", "Replace pixels that the code calls more than F_C times by ground.", float
+    "--zoom",
+    "Fractal zoom factor: values above 1 add detail, and values below 1 simplify the map.",
+    float,
+    1.0,
 )
 @option(
-    "--high-pass F_C", "Replace pixels that the code calls fewer than F_C times by ground.", float
+    "--low-pass F_C",
+    "Replace with ground the pixels that the genome copies more than F_C times.",
+    float,
+)
+@option(
+    "--high-pass F_C",
+    "Replace with ground the pixels that the genome copies fewer than F_C times.",
+    float,
 )
 @count_option
-@flag("--raw", "Keep footprints along pixel edges, without straight walls.")
+@flag("--raw", "Write footprints along pixel edges, without fitting straight walls.")
 def decode(
     genome: str, output: Path, identifier, at, zoom: float, low_pass, high_pass, count, raw
 ) -> None:
-    """Decode a genome, and write its map, the attractor.
+    """Decode a genome, and write the decoded map (the attractor of the genome).
 
-    The genome is a GENOME file, or the genome of individual --id of a RUN folder.
+    The genome comes from a GENOME file, or from individual --id of a RUN folder.
 
-    The filters --low-pass and --high-pass replace pixels by ground, and flatten the pixels that the
-    code makes from these. Both filters together leave a band of pixels. The command `evocity show
-    --usage` prints useful values of F_C; the papers use 1, 10 and 100.
+    The filters --low-pass and --high-pass replace some pixels with ground. If a filter makes a
+    pixel ground, the pixels that the genome copies from this pixel become flat. With both
+    --low-pass and --high-pass, the map keeps only the pixels whose number of copies is between the
+    two limits. The command `evocity show --usage` prints useful values for the limit F_C; the
+    papers use 1, 10 and 100.
 
-    A file of footprints has one polygon per building, with id, height (the mean of its pixels,
-    metres) and area (m²). Walls are straight lines fitted to the pixels, and footprints never
-    overlap. A child of two towns has no place on Earth: it can be written as .gpkg, in local
-    metres, but not as .geojson. With --at, such a child gets the place of one of its towns.
+    A footprint file has one polygon per building, with the columns id, height (mean height of its
+    pixels, metres) and area (m²). Walls are straight lines fitted to the pixels, and footprints
+    never overlap. The map of a child of two towns has no coordinates on Earth: write this map as
+    .gpkg, in local metres, not as .geojson. With --at, the map of a child gets the coordinates of
+    one of its source cities.
     """
     from evocity.io import RAW_WRITERS, WRITERS
 
     check_output(output, genome, RAW_WRITERS if raw else WRITERS)
     filters = {"low-pass": low_pass, "high-pass": high_pass}
     filters = {name: f_c for name, f_c in filters.items() if f_c is not None}
-    if count is not None and not filters:
-        raise EvocityError(
-            "--count without --low-pass or --high-pass",
-            "a filter, since --count selects the calls that a filter compares",
-            "add --low-pass F_C or --high-pass F_C",
-        )
+    check_needs("--count", "--low-pass or --high-pass", count is not None and not filters)
     for name, f_c in filters.items():
         if not f_c >= 0:
             raise EvocityError(
-                f"--{name} {f_c:g} is not a number of calls",
-                "0 calls or more",
-                "give for example 10; evocity show --usage prints useful values",
+                f"--{name} {f_c:g} is not a number of copies",
+                "a number of copies, 0 or more",
+                "use for example 10; the command `evocity show --usage` prints useful numbers",
             )
     note_compiling()
     code = genome_of(genome, identifier)
@@ -126,9 +131,9 @@ def _write_form(
     if filters:
         fabric_in(form, source)
         raise EvocityError(
-            f"--{next(iter(filters))} does not fit a {form.kind}",
-            "a fabric",
-            "leave the filter out",
+            f"--{next(iter(filters))} cannot be used with a {form.kind}",
+            "the genome of a city fabric, because the filters work only on city fabrics",
+            "leave out the options --low-pass and --high-pass",
         )
     city = decode_genome(form, source, identifier, zoom)
     evocity.write_map(city, output, raw=raw)
@@ -137,9 +142,8 @@ def _write_form(
 
 
 def _note_nowhere(run, code) -> None:
-    """Name a place for a map that lies nowhere, since the cities of its ``run`` lie in several
-    places."""
-    from evocity.analysis.georeference import ground_of
+    """Suggest --at for a map without a place, whose source cities lie in several places."""
+    from evocity.analysis.individual import ground_of
 
     shares = dict(zip(code.cities, code.shares.tolist(), strict=True))
     ground = ground_of(shares, run.sources())

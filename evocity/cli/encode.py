@@ -7,7 +7,13 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.shared.checks import check_block, check_genome_output, report_write_errors
+from evocity.cli.shared.checks import (
+    check_block,
+    check_genome_output,
+    check_needs,
+    report_write_errors,
+)
+from evocity.cli.shared.commands import command
 from evocity.cli.shared.options import (
     HEIGHTS,
     NUMBERS,
@@ -27,64 +33,91 @@ from evocity.cli.shared.terminal import (
     progress_bar,
     warn,
 )
-from evocity.errors import EvocityError
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity encode lyon-1er -o lyon.parquet
   evocity encode buildings.gpkg --center 4.834 45.768 --reach all -o here.parquet
   evocity encode lyon-1er --block 2-16 --lifs 4096 -o fewer.parquet
   evocity encode lyon-1er --max-error 0.5 -o true.parquet
   evocity encode lyon-1er --block 4 --no-fit --no-settle -o as-in-the-papers.parquet
   evocity encode lyon-1er --lock listed.geojson -o lyon.parquet
-  evocity encode dsm.png --metres-per-pixel 2 --height-scale 0.5 --json -o dsm.parquet"""
-)
+  evocity encode dsm.png --metres-per-pixel 2 --height-scale 0.5 --json -o dsm.parquet""")
 @click.argument("map", metavar="MAP")
 @output_option("GENOME", "Genome file to write, usually .parquet")
 @option(
     "--block SIDE|FINEST-LARGEST",
-    "Finest and largest side of range blocks, pixels, or one side. [2-16]",
+    "Finest and largest side of range blocks in pixels, or a single side. [2-16]",
     SIDES,
 )
-@option("--lifs N", "Largest number of leaves. [one for 8 px of map]", int)
-@option("--max-error METRES", "Collage error above which leaves split; replaces --lifs.", float)
-@option("--domains N[,N…]", "Sides of the domain blocks, in range blocks.", NUMBERS, "2")
+@option("--lifs N", "Largest number of leaves in the quadtree. [one for each 8 px of the map]", int)
 @option(
-    "--reach PIXELS|all", "Largest distance of a domain block from its range block.", REACH, "24"
+    "--max-error METRES",
+    "Collage error above which a leaf of the quadtree splits; this option replaces --lifs.",
+    float,
 )
-@option("--sigma-max", "Bound on |σ|; below 1, decoding always converges.", default=0.9)
-@option("--fit/--no-fit", "Refine σ and β until the decoded map is closest.", default=True)
-@option("--settle/--no-settle", "Give each decoded building its median height.", default=True)
+@option(
+    "--domains N[,N…]",
+    "Side of domain blocks divided by the side of their range block.",
+    NUMBERS,
+    "2",
+)
+@option(
+    "--reach PIXELS|all",
+    "Largest distance between a range block and its domain block, in pixels.",
+    REACH,
+    "24",
+)
+@option(
+    "--sigma-max",
+    "Upper limit of the coefficient |σ|; with a limit below 1, decoding always converges.",
+    default=0.9,
+)
+@option(
+    "--fit/--no-fit",
+    "Refine the coefficients σ and β of each lifs, to bring the decoded map as close as possible "
+    "to MAP.",
+    default=True,
+)
+@option(
+    "--settle/--no-settle",
+    "Give each decoded building a flat roof at its median height.",
+    default=True,
+)
 @option(
     "--topological SHARE",
-    "Margin of error within which the surroundings choose the domain block. [the first of equals]",
+    "Margin of error within which the surroundings of a range block decide between domain blocks. "
+    "[the first of equals]",
     float,
 )
 @option(
     "--lock locks FILE...",
-    "Footprints, or a mask of values above 0; their pixels keep their heights in all descendants.",
+    "File that marks the locked pixels, with footprints or with values above 0. The locked pixels "
+    "keep their heights in all descendants.",
 )
-@option("--lock-heights FILE|METRES", "Heights of the locked pixels. [the map's own]", HEIGHTS)
+@option("--lock-heights FILE|METRES", "New heights of the locked pixels. [the map's own]", HEIGHTS)
 @map_options
 @json_option
 def encode(map, output: Path, locks, lock_heights, reading, as_json: bool, **coding) -> None:
-    """Code MAP as a fractal genome.
+    """Encode MAP as a fractal genome.
 
-    MAP is the name of a bundled district, or a file: GeoJSON, GeoPackage, Shapefile, OSM XML and
-    PBF, CityJSON, GeoTIFF, PNG or NPY. The genome file is Parquet, with a row per lifs: DuckDB,
-    polars and pandas read it directly.
+    MAP is the name of a bundled district, or a GeoJSON, GeoPackage, Shapefile, OSM XML, OSM PBF,
+    CityJSON, GeoTIFF, PNG or NPY file. The genome file is a Parquet table with a row for each lifs.
+    DuckDB, polars and pandas can read the genome file.
 
-    With --block 2-16, range blocks are leaves whose sides follow the city; with --block 4, all
-    range blocks have one side. With --max-error, a leaf splits while its root-mean-square error is
-    larger; leaves of the finest side never split. With --no-settle roofs are fractal, as in the
-    papers. With --topological 0, the surroundings decide only between equally good domain blocks.
-    With --lock-heights, the locked pixels get another height, of a new building or 0 for a river.
+    With --block 2-16, range blocks are leaves of a quadtree, with sides from 2 to 16 px that adapt
+    to the city. With --block 4, all range blocks have sides of 4 px. With --max-error, a leaf of
+    the quadtree splits if its root-mean-square error is above the given limit. Leaves of the
+    quadtree never split below the finest side. With --no-settle, decoded roofs keep their fractal
+    heights and do not become flat. With --topological 0, the surroundings of a range block decide
+    only between equally good domain blocks. With --lock-heights, the locked pixels get new heights,
+    for example those of a new building, or 0 for a river.
 
-    JSON keys: psnr (of the decoded genome, dB), collage_rmse (metres), lifs, uniform (number of
-    flat range blocks, coded without search), pairs (compared pairs of range and domain blocks),
-    seconds (of the search and the fit).
+    The JSON document has the keys "psnr", "collage_rmse", "lifs", "uniform", "pairs" and "seconds".
+    The key "psnr" is the fidelity of the decoded genome, in dB. The key "collage_rmse" is the
+    collage error, in metres. The key "uniform" counts flat range blocks, which need no search. The
+    key "pairs" counts the pairs of range and domain blocks that the search compared. The key
+    "seconds" is the time of the search and the fit.
     """
     sources = [source for source in (*locks, lock_heights) if isinstance(source, str)]
     check_genome_output(output, map, *sources)
@@ -102,16 +135,8 @@ def encode(map, output: Path, locks, lock_heights, reading, as_json: bool, **cod
     with report_write_errors(output):
         encoding.genome.write(output)
     if as_json:
-        print_json(
-            {
-                "psnr": psnr,
-                "collage_rmse": encoding.collage_rmse,
-                "lifs": len(encoding.genome),
-                "uniform": encoding.uniform,
-                "pairs": encoding.pairs,
-                "seconds": encoding.seconds,
-            }
-        )
+        facts = {"psnr": psnr, "collage_rmse": encoding.collage_rmse, "lifs": len(encoding.genome)}
+        print_json(facts | {key: getattr(encoding, key) for key in ("uniform", "pairs", "seconds")})
         return
     echo(describe(city))
     if city.height_rules:
@@ -143,12 +168,7 @@ def encode(map, output: Path, locks, lock_heights, reading, as_json: bool, **cod
 def _lock(city, locks: Sequence[str], heights: float | str | None):
     """The map with the attribution of its locks, and the locked layer, or None."""
     if not locks:
-        if heights is not None:
-            raise EvocityError(
-                f"--lock-heights {heights} without --lock",
-                "--lock FILE, which marks the locked pixels",
-                "name footprints or a mask with --lock, or leave --lock-heights out",
-            )
+        check_needs(f"--lock-heights {heights}", "--lock FILE", heights is not None)
         return city, None
     from evocity.condensation import merged
     from evocity.genome import joined

@@ -5,10 +5,9 @@ import os.path
 import click
 
 import evocity
-from evocity.cli.fitness_bench import bench
-from evocity.cli.fitness_check import check
+from evocity.cli.fitness_check import bench, check
 from evocity.cli.fitness_new import new
-from evocity.cli.shared.commands import Commands
+from evocity.cli.shared.commands import Commands, command
 from evocity.cli.shared.options import json_option, option
 from evocity.cli.shared.terminal import print_json, print_table, quiet_stdout, relative_path, warn
 
@@ -18,7 +17,7 @@ _EACH, _ALL = 2.0, 10.0
 
 @click.group(cls=Commands)
 def fitness() -> None:
-    """Measures of maps, also your own."""
+    """List, write, check and time measures of maps, including your own measures."""
 
 
 fitness.add_command(new)
@@ -26,31 +25,30 @@ fitness.add_command(check)
 fitness.add_command(bench)
 
 
-@fitness.command(
-    "list",
-    epilog="""\b
-Examples:
+@command("""
   evocity fitness list
   evocity fitness list --cost my_measure.py
-  evocity score lyon-1er --fitness gsi --fitness my_measure.py""",
-)
+  evocity score lyon-1er --fitness gsi --fitness my_measure.py""")
 @click.argument("files", metavar="[FILE.py]...", nargs=-1)
-@option("--cost/--no-cost", "Measure the cost of one call of each measure.", show_default=True)
+@option("--cost/--no-cost", "Print the time of one call of each measure.", show_default=True)
 @json_option
 def list_measures(files: tuple[str, ...], cost: bool, as_json: bool) -> None:
-    """List the measures: name, goal, unit, range, origin and meaning.
+    """List all measures with their name, goal, unit, range, origin and meaning.
 
-    A measure without a goal needs a target in the recipe (target = 0.35), or a city to be like
-    (like = "lyon-1er"). Your own measures are in Python files: the command executes the files that
-    you name, and lists their measures too. To write your first file, use `evocity fitness new`.
+    A measure without a goal needs a target in the recipe (target = 0.35), or a reference city (like
+    = "lyon-1er"). You write your own measures in Python files. If you name Python files, the
+    command executes the files and adds their measures to the list. To write your first measure, use
+    `evocity fitness new`.
 
-    --cost adds the milliseconds of one call on lyon-1er, 256 × 256 px. "-" marks measures that
-    fail, or that need a genome, parents or sources. "?" marks measures without a result within 2 s
-    for one measure or 10 s for all. The command `evocity fitness bench` times every measure more
-    exactly.
+    The option --cost adds a column with the milliseconds of one call on lyon-1er, 256 × 256 px.
+    With --cost, the sign "-" marks measures that fail, and measures that need a genome, parents or
+    source cities. With --cost, the sign "?" marks measures without a result: each measure has 2 s,
+    and all measures together have 10 s. For exact times from repeated calls, use `evocity fitness
+    bench`.
 
-    JSON: for each name, goal, unit, range (null: no bound), milliseconds (null without --cost),
-    origin, doc.
+    For each measure, the JSON document has the keys "goal", "unit", "range", "milliseconds",
+    "origin" and "doc". The key "range" has the lower and the upper bound; null means that a bound
+    is missing. Without --cost, the key "milliseconds" is null.
     """
     with quiet_stdout():
         for file in files:
@@ -68,8 +66,7 @@ def list_measures(files: tuple[str, ...], cost: bool, as_json: bool) -> None:
 
 
 def _costs(measures) -> dict[str, float | None]:
-    """Seconds of one call of each measure; None for those without a result in time. Measures that
-    need more than a map, or fail, are missing."""
+    """Seconds of one call by measure, None if too slow; failing measures are missing."""
     import time
 
     from evocity.fitness.check import Case
@@ -118,3 +115,6 @@ def _row(measure, costs) -> tuple[str, ...]:
         relative_path(measure.origin) if os.path.isabs(measure.origin) else measure.origin,
         measure.summary or "-",
     )
+
+
+fitness.add_command(list_measures, "list")

@@ -1,14 +1,18 @@
-"""`evocity fitness check`: tries measures, and prints their faults."""
+"""`evocity fitness check` and `bench`: try measures on maps, and print faults and times."""
 
 import math
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import click
 
-from evocity.cli.shared.commands import message_of
-from evocity.cli.shared.inputs import measures_of
-from evocity.cli.shared.options import json_option, option
+import evocity
+from evocity.cli.shared.commands import command, message_of
+from evocity.cli.shared.inputs import case_of, measures_of
+from evocity.cli.shared.options import POSITIVE, json_option, map_options, option
 from evocity.cli.shared.terminal import (
+    describe,
     echo,
     note_compiling,
     print_json,
@@ -19,35 +23,49 @@ from evocity.cli.shared.terminal import (
 )
 from evocity.errors import EvocityError, FitnessError
 
+#: Parents of the bred maps, as in the demonstration; the first is typical.
+PARENTS = ("lyon-1er", "montpellier-pas-du-loup")
+#: Operators of the bred maps: three that keep buildings whole, and two that cut them.
+OPERATORS = (
+    "quarter_fusion",
+    "quarter_refill",
+    "height_scaling",
+    "pavement_fusion",
+    "lambda_crossover",
+)
 
-@click.command(
-    epilog="""\b
-Examples:
+
+@command("""
   evocity fitness check my_measure.py
   evocity fitness check salingaros --json
   evocity fitness check my_measure.py --timeout 60
 
-Exit codes: 0 it can be used; 1 something is wrong with it; 2 the command line is at fault."""
-)
+Exit codes: 0 it can be used; 1 something is wrong with it; 2 the command line is at fault.""")
 @click.argument("measures", metavar="FILE.py|NAME...", nargs=-1, required=True)
 @option(
-    "--timeout", "Time limit of one call, seconds.", click.FloatRange(min=0, min_open=True), 10.0
+    "--timeout", "Time limit of one call, in seconds.", click.FloatRange(min=0, min_open=True), 10.0
 )
 @json_option
 def check(measures: tuple[str, ...], timeout: float, as_json: bool) -> None:
-    """Try measures on cities and on unusual maps, and print their faults.
+    """Try measures on cities and on unusual maps, and print the faults of the measures.
 
-    The maps are the bundled districts, towns drawn by a rule, children of two districts, an empty
-    map, a full map, a map with odd sides and a tiny map. The command prints the values; errors with
-    file, line and fix; the time and the memory of a call; and whether the same map gives the same
-    bits. The command also prints how much a value changes when a map is turned, mirrored or halved
-    in resolution. A changed value is not an error.
+    The trial maps are the bundled districts, towns drawn by a rule, children of two districts, an
+    empty map, a full map, a map with odd sides and a tiny map. The command prints the values of
+    each measure, and the time and memory of one call. For each error, the command prints the file,
+    the line and a fix. The command checks whether two calls on the same map return identical
+    values. For each value, the command prints the change when a map is turned, mirrored or halved
+    in resolution. A value that changes with the direction or the resolution of the map is not an
+    error.
 
-    JSON: for each measure, usable, findings (kind, about, file, line, found, expected, remedy),
-    values (by map, a number; null where undefined or failed), reasons (why a value is null),
-    milliseconds (by map, of the first call), first_ms, median_ms, memory (bytes), turned and halved
-    (before and after; null if not needed). For a file that cannot be loaded, the JSON has usable
-    and findings under the name of the file.
+    The JSON document has the keys "usable", "findings", "values", "reasons", "milliseconds",
+    "first_ms", "median_ms", "memory", "turned" and "halved" for each measure. Each finding has the
+    keys "kind", "about", "file", "line", "found", "expected" and "remedy". The key "values" has a
+    number for each map; null means that the measure is undefined or failed. The key "reasons" says
+    why a value is null. The key "milliseconds" has the time of the first call on each map. The key
+    "memory" has the memory of a call, in bytes. The keys "turned" and "halved" have the values
+    before and after the change of the map, or null if the command did not try the change. If a file
+    cannot be loaded, the JSON document has the keys "usable" and "findings" under the name of the
+    file.
     """
     note_compiling()
     # click.Context.exit() raises: call it outside of all context managers
@@ -90,7 +108,6 @@ def _check_all(words: tuple[str, ...], timeout: float, as_json: bool) -> bool:
 
 
 def _report(measure, timeout: float):
-    from evocity.cli.shared.trial_maps import trial_cases
     from evocity.fitness.check import check as try_measure
 
     with progress_bar(f"trying {measure.name}") as progress, quiet_stdout():
@@ -213,12 +230,119 @@ def _milliseconds_of(seconds: float | None) -> float | None:
 
 def _fault(error: FitnessError, word: str) -> dict[str, object]:
     """A file that could not be loaded, as a finding; its text names the line."""
-    return {
-        "kind": "error",
-        "about": "loading",
-        "file": str(Path(word).resolve()),
-        "line": None,
-        "found": error.found,
-        "expected": error.expected,
-        "remedy": error.remedy,
-    }
+    place = {"kind": "error", "about": "loading", "file": str(Path(word).resolve()), "line": None}
+    return place | {key: getattr(error, key) for key in ("found", "expected", "remedy")}
+
+
+@cache
+def trial_cases() -> tuple:
+    """All `Case`, 256 × 256 px at 2 m: districts, towns, and bred children, with kernels loaded."""
+    import numpy as np
+
+    from evocity.evaluation import kernel_warmup
+    from evocity.fitness.check import Case
+    from evocity.operators import make
+    from evocity.pavement.levels import USUAL
+    from evocity.towns import PATTERNS
+
+    kernel_warmup.warm_up(USUAL, kernel_warmup.every_part())
+    names = [*PARENTS, *(name for name in evocity.cities() if name not in PARENTS)]
+    districts = [evocity.read_map(name, pixels=256, metres_per_pixel=2.0) for name in names]
+    towns = [
+        draw(256, 2.0, rng=np.random.default_rng(seed))
+        for seed, draw in enumerate(PATTERNS.values())
+    ]
+    cases = [Case(city) for city in (*districts, *towns)]
+    genomes = [evocity.encode(district).genome for district in districts[: len(PARENTS)]]
+    cases += [
+        replace(bred_case(f"{name}, decoded", genome, [genome], districts), code_of=name)
+        for name, genome in zip(PARENTS, genomes, strict=True)
+    ]
+    for seed, name in enumerate(OPERATORS):
+        operator = make(name)
+        parents = genomes[: operator.parents[0]]
+        child = operator(parents, np.random.default_rng(seed))
+        cases.append(bred_case(f"child by {name}", child, parents, districts))
+    return tuple(cases)
+
+
+def bred_case(name: str, genome, parents, sources):
+    """The `Case` of a ``genome``, its ``parents``, and the maps of its ``sources``."""
+    from evocity.fitness.check import Case
+
+    city = evocity.decode(genome).city
+    return Case(city.replace(city.heights, name=name), genome, tuple(parents), sources=sources)
+
+
+@command("""
+  evocity fitness bench
+  evocity fitness bench my_measure.py gsi --map villeurbanne-gratte-ciel""")
+@click.argument("words", metavar="[NAME|FILE.py]...", nargs=-1)
+@option(
+    "--map source MAP|GENOME",
+    "Map or genome to measure. For measures that need a genome, the command encodes the map.",
+    default="lyon-1er",
+)
+@option("--repeats", "Number of timed calls.", POSITIVE, 7)
+@map_options
+@json_option
+def bench(words: tuple[str, ...], source: str, repeats: int, reading, as_json: bool) -> None:
+    """Time the named measures, or all measures of `evocity fitness list`, on one map and one core.
+
+    The column "alone" is the time of a call on a new map, including the derived data (views) that
+    the measure needs. The column "shared" is the time of a call on a map whose derived data (views)
+    already exist. The row "all together" is the total time of all measures, called once each on one
+    map. The first call, which loads compiled code, does not count. Each printed time is the
+    shortest of all calls, followed by the median in brackets.
+
+    The JSON document has the keys "measures" and "together" with times in milliseconds. For each
+    measure, the key "measures" has "alone" and "shared", each with the least and the median time.
+    The key "together" has the least and the median time of all measures on one map.
+    """
+    from evocity.fitness.check.cost import cost, cost_together
+
+    with quiet_stdout():
+        measures = {m.name: m for word in words for m in measures_of(word)}
+        measures = list(measures.values()) or evocity.fitness.measures()
+        case = case_of(source, reading)
+        measures = [m.bound(case.city) if "reference" in m.needs else m for m in measures]
+        coded = case if all(map(case.serves, measures)) else _with_code(case)
+        costs = {m.name: cost(m, case if case.serves(m) else coded, repeats) for m in measures}
+        together = cost_together(measures, coded, repeats)
+    costs = dict(sorted(costs.items(), key=lambda item: item[1].alone.least))
+    if as_json:
+        each = {k: {"alone": _ms(v.alone), "shared": _ms(v.shared)} for k, v in costs.items()}
+        print_json({"measures": each, "together": _ms(together)})
+        return
+    echo(describe(case.city))
+    rows = [("milliseconds", "alone", "(median)", "shared", "(median)")]
+    rows += [(name, *_cells(time.alone), *_cells(time.shared)) for name, time in costs.items()]
+    if len(costs) > 1:
+        rows.append(("all together", "", "", *_cells(together)))
+    print_table(rows)
+
+
+def _with_code(case):
+    """The ``case`` with the code of its map, which is its own parent and source if it has none."""
+    import numpy as np
+
+    from evocity.genome import packed
+
+    genome, name = case.genome, f"{case.city.name}, decoded"
+    if genome is None:
+        genome = evocity.encode(case.city).genome
+        return bred_case(name, genome, [genome], [case.city])
+    own = genome.replace(
+        cities=(case.city.name,),
+        source=packed(*genome.pavement.corners),
+        **dict.fromkeys(("parent", "turn"), np.zeros(len(genome), np.uint8)),
+    )
+    return bred_case(name, own, [own], [case.city])
+
+
+def _ms(time) -> dict[str, float]:
+    return {"least": 1e3 * time.least, "median": 1e3 * time.median}
+
+
+def _cells(time) -> tuple[str, str]:
+    return f"{1e3 * time.least:.3g}", f"({1e3 * time.median:.3g})"

@@ -12,6 +12,7 @@ import click
 
 import evocity
 from evocity.cli.shared.checks import check_folder, report_write_errors
+from evocity.cli.shared.commands import command
 from evocity.cli.shared.options import FILE, option
 from evocity.cli.shared.terminal import echo
 from evocity.errors import EvocityError
@@ -48,30 +49,29 @@ def {name}(city):
 '''
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity fitness new skyline
-  evocity fitness new crowding --goal min --unit /ha -o measures"""
-)
+  evocity fitness new crowding --goal min --unit /ha -o measures""")
 @click.argument("name", metavar="NAME")
 @option(
     "--goal",
-    "Goal of searches; with none, the recipe sets a target or a city to be like.",
+    "Goal that a search has for the measure: high values, low values, or none. For a measure "
+    "without a goal, the recipe sets a target value or a reference city.",
     click.Choice(["max", "min", "none"]),
     "max",
 )
-@option("--unit", "Unit, such as m or /ha. [a pure number]", default="")
+@option("--unit", "Unit of the measure, such as m or /ha. [a pure number]", default="")
 @option(
     "-o --output FILE|FOLDER",
     "File to write, or its folder; existing files are never overwritten. [NAME.py here]",
     FILE,
 )
 def new(name: str, goal: str, unit: str, output: Path | None) -> None:
-    """Write a Python file with an example of a measure, called NAME.
+    """Write a Python file with an example measure called NAME.
 
-    The measure works, and the file has a place for every fact that a measure states about itself.
-    Change the formula, and try the measure on cities: `evocity fitness check NAME.py`.
+    The example measure works without changes. The file has a place for each property of a measure,
+    such as goal, unit and range. Change the formula in the file, then try the measure on cities
+    with `evocity fitness check NAME.py`.
     """
     _check_name(name)
     _check_unit(unit)
@@ -148,22 +148,22 @@ def _check_name(name: str) -> None:
     if not name.isidentifier() or keyword.iskeyword(name):
         raise EvocityError(
             f"{name!r} cannot be the name of a measure",
-            "the name of a Python function: letters, digits and _, no digit first, and no "
-            "Python keyword",
-            f"choose another, for example: evocity fitness new {_clean_name(name)}",
+            "a name of a Python function, with only letters, digits and _, that does not begin "
+            "with a digit",
+            f"choose another name, for example: evocity fitness new {_clean_name(name)}",
         )
     if name in ("evocity", "np", "math", "city") or hasattr(builtins, name):
         raise EvocityError(
             f"{name!r} cannot be the name of a measure",
-            "a name without another meaning in the file",
-            f"choose another, for example: evocity fitness new my_{name}",
+            "a name that has no other meaning in the Python file",
+            f"choose another name, for example: evocity fitness new my_{name}",
         )
     for measure in evocity.fitness.measures():
         if name in (measure.name, measure.name.partition(".")[0]):
             raise EvocityError(
-                f"there is already a measure called {name}, from {measure.origin}",
-                "a new name",
-                f"choose another, for example: evocity fitness new my_{name}",
+                f"a measure called {name} exists already, from {measure.origin}",
+                "a name that no measure has",
+                f"choose another name, for example: evocity fitness new my_{name}",
             )
 
 
@@ -175,9 +175,9 @@ def _clean_name(name: str) -> str:
 def _check_unit(unit: str) -> None:
     if not unit.isprintable() or set(unit) & set('"\\{}'):
         raise EvocityError(
-            f"--unit {unit!r} has characters that no unit may have",
-            "a unit, such as m, m² or /ha",
-            "remove quotes, braces and backslashes",
+            f"--unit {unit!r} contains characters that are not allowed in a unit",
+            "a unit such as m, m² or /ha",
+            "remove quotes, braces and backslashes from the unit",
         )
 
 
@@ -187,14 +187,14 @@ def _new_path(output: Path, name: str) -> Path:
     if path.suffix != ".py":
         raise EvocityError(
             f"{str(path)!r} is not the name of a Python file",
-            "a name that ends in .py, or an existing folder",
-            f"choose another, for example -o {path.with_suffix('.py')}",
+            "a file name that ends in .py, or the name of an existing folder",
+            f"choose another name, for example -o {path.with_suffix('.py')}",
         )
     check_folder(path.parent)
     if path.exists() or path.is_symlink():
         raise EvocityError(
             f"{str(path)!r} exists already",
             "a new file",
-            "choose another name, or another place with -o",
+            "choose another file name or another folder with -o",
         )
     return path

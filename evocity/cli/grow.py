@@ -8,7 +8,8 @@ from pathlib import Path
 
 import click
 
-from evocity.cli.shared.checks import check_output, report_write_errors
+from evocity.cli.shared.checks import check_needs, check_output, report_write_errors
+from evocity.cli.shared.commands import command
 from evocity.cli.shared.inputs import parents_of
 from evocity.cli.shared.options import (
     WHOLE,
@@ -26,22 +27,20 @@ from evocity.errors import EvocityError
 MOST_WHOLE = 1 << 24
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity grow lyon.parquet --width 4096 --height 4096 -o large.tif
   evocity grow lyon-1er --width 1024 --height 512 --seed 7 --straight -o long.png
   evocity grow lyon-1er --width 1024 --height 1024 --top -5000 --left 20000 -o far.tif
   evocity grow lyon-1er montpellier-pas-du-loup --width 1024 --height 512 -o between.tif
-  evocity grow runs/lyon-x-montpellier --id 97 --width 1024 --height 1024 -o large.parquet"""
-)
+  evocity grow runs/lyon-x-montpellier --id 97 --width 1024 --height 1024 -o large.parquet""")
 @click.argument("genomes", metavar="GENOME|RUN|MAP...", nargs=-1, required=True)
-@option("--width", "Width of the new map, pixels.", int, required=True)
-@option("--height", "Height of the new map, pixels.", int, required=True)
+@option("--width", "Width of the new map, in pixels.", int, required=True)
+@option("--height", "Height of the new map, in pixels.", int, required=True)
 @output_option(
     "FILE",
-    "File to write: .tif (heights with a place), .npy (heights); up to 4096 × 4096 px also .gpkg "
-    "and .geojson (footprints with heights), .png (a picture) and .parquet (a genome)",
+    "File to write: .tif (heights with coordinates) or .npy (only heights). Maps up to 4096 × "
+    "4096 px may have the format .gpkg or .geojson (footprints with heights), .png (a picture) or "
+    ".parquet (a genome)",
 )
 @option("--seed", "Seed of the random draws; the same seed grows the same fabric.", WHOLE, 0)
 @option(
@@ -54,60 +53,74 @@ Examples:
 )
 @option(
     "--corner ROW COLUMN",
-    "Cell of the map where the original's north-west corner lies. [middle]",
+    "Row and column of the cell where the original city's north-west corner lies. [middle]",
     int,
 )
 @option(
     "--share FILE|NUMBER...",
-    "Share of groups from the second of two genomes, or from each of several: a number from 0 to "
-    "1, or a picture (white is 1). [a ramp from west to east]",
+    "Share of groups from the second of two genomes; with three or more genomes, the share of "
+    "each genome. A share is a number from 0 to 1, or a picture in which white is 1. [a ramp from "
+    "west to east]",
 )
 @option(
     "--share-over TOP LEFT HEIGHT WIDTH",
-    "Window that the picture or the ramp covers, pixels from the first original's corner. "
-    "[the map]",
+    "Area that the picture or the ramp of --share covers, in pixels from the first original city's"
+    " north-west corner. [the map]",
     int,
 )
-@option("--cell PIXELS", "Side of the cells that groups consist of. [about 8 m]", int)
-@option("--side-min METRES", "Smallest side of a group. [over half of --side-max]", float)
-@option("--side-max METRES", "Largest side of a group. [56 px, or half the original]", float)
-@option("--size-min", "Deprecated; as --side-min, but in range blocks.", int)
-@option("--size-max", "Deprecated; as --side-max, but in range blocks.", int)
-@option("--tolerance", "Largest mean step of height S along a group's outline, metres.", float, 6.0)
+@option("--cell PIXELS", "Side of the square cells that form groups, in pixels. [about 8 m]", int)
+@option("--side-min METRES", "Smallest side of a group of cells. [over half of --side-max]", float)
 @option(
-    "--candidates", "Number of candidates per group; more fit better, but take longer.", int, 600
+    "--side-max METRES", "Largest side of a group of cells. [56 px, or half the original]", float
+)
+@option("--size-min", "Deprecated: the value of --side-min, counted in range blocks.", int)
+@option("--size-max", "Deprecated: the value of --side-max, counted in range blocks.", int)
+@option(
+    "--tolerance", "Largest mean height difference along a group's outline, in metres.", float, 6.0
+)
+@option(
+    "--candidates",
+    "Number of candidates per group; more candidates improve the fit, but need more time.",
+    int,
+    600,
 )
 @flag("--straight", "Keep street directions: do not rotate or mirror groups.")
-@ids_option("once for each run among the genomes, in their order")
+@ids_option("Give one --id for each run folder among the genomes, in the order of the folders")
 @parent_options
 @json_option
 def grow(
-    genomes, width, height, output: Path, seed, top, left, corner, share, share_over, cell,
-    side_min, side_max, size_min, size_max, tolerance, candidates, straight, identifiers,
-    reading, coding, as_json,
+    genomes, width, height, output: Path, seed, top, left, corner, share, share_over, straight,
+    identifiers, reading, coding, as_json, **sizes,
 ) -> None:  # fmt: skip
-    """Grow an endless fabric around a city, or between several.
+    """Grow an endless fabric around a city, or between several cities.
 
-    The original city stays unchanged. The command adds groups of cells from its fabric, each where
-    its outline fits the neighbours, without visible seams. No window of 64 × 64 px appears twice,
-    unless the original repeats it (docs/operators.md). The fabric depends only on the genomes, the
-    options and the seed. So --top and --left show any part of the same fabric, and adjacent maps
-    fit each other. The command writes the map in windows, so a large map needs little memory.
+    The original city stays unchanged. Around the original city, the command places copied groups of
+    cells that fit their neighbours without visible seams. No area of 64 × 64 px appears twice in
+    the fabric, unless the original city repeats this area (docs/operators.md). The fabric depends
+    only on the genomes, the options and the seed. With --top and --left, you can write any part of
+    the fabric, and adjacent parts fit together. The command writes the map piece by piece, so a
+    large map needs little memory.
 
-    Each GENOME is a genome file, a run folder with --id, a map file or a bundled district; the
-    command codes maps first. With several genomes, the fabric contains the first original
-    unchanged, and --share sets the share of groups from each genome.
+    Each GENOME is a genome file, a run folder with --id, a map file, or the name of a bundled
+    district. If you name a map, the command first encodes the map as a genome. With several
+    genomes, only the first original city stays unchanged in the fabric. The option --share sets the
+    share of groups from each genome.
 
-    --top and --left count from the corner of the first original, and may be negative; if only one
-    is given, the other is 0. Without --top and --left, the first of several originals lies at the
-    west edge of the map. The option --corner replaces --top and --left. A picture for --share is
-    black where all groups come from the first genome. Adjacent maps fit each other only with the
-    same --share-over. Cells are whole range blocks, and groups have sides of at most 56 px.
+    The options --top and --left count pixels from the north-west corner of the first original city,
+    and may be negative. If only one of --top and --left is given, the other option is 0. Without
+    --top and --left, the first of several original cities lies at the west edge of the map. The
+    option --corner replaces --top and --left. A picture for --share is black where all groups come
+    from the first genome. Adjacent maps of a fabric fit together only if they have the same
+    --share-over. Cells consist of whole range blocks, and groups of cells have sides of at most 56
+    px.
 
-    JSON keys: groups, step (mean step of height along the outlines of groups, metres), forced
-    (groups without an admissible candidate), repeated (groups that make a window appear twice),
-    top, left, cell (pixels), side_min, side_max (metres), repaired (number of repaired lifs, only
-    if a genome is written), seconds.
+    The JSON document has the keys "groups", "step", "forced", "repeated", "top", "left", "cell",
+    "side_min", "side_max", "repaired" and "seconds". The key "step" is the mean height difference
+    along the outlines of groups, in metres. The key "forced" counts groups without an admissible
+    candidate. The key "repeated" counts groups that make an area appear twice. The key "cell" is
+    the side of a cell, in pixels. The keys "side_min" and "side_max" are the limits of the side of
+    a group, in metres. If the command writes a genome, the key "repaired" counts the repaired lifs
+    of the genome.
     """
     import numpy as np
 
@@ -120,28 +133,23 @@ def grow(
     suffix = output.suffix.lower()
     if suffix not in WINDOW_WRITERS and width * height > MOST_WHOLE:
         raise EvocityError(
-            f"{height} × {width} px are too many for {suffix}",
-            f"at most {MOST_WHOLE // 10**6} million px, 4096 × 4096",
-            "write a .tif or .npy, or choose a smaller size",
+            f"a map of {height} × {width} px is too large for a {suffix} file",
+            f"a map of at most {MOST_WHOLE // 10**6} million pixels, for example 4096 × 4096",
+            "write a .tif or .npy file, or choose a smaller --width or --height",
         )
     if corner and not (top is None and left is None):
         raise EvocityError(
             "--corner cannot be combined with --top or --left",
-            "one way to place the map",
-            "leave --corner out",
+            "either the option --corner, or the options --top and --left",
+            "leave out --corner, or leave out --top and --left",
         )
-    if share_over and top is None and left is None:
-        raise EvocityError(
-            "--share-over without --top and --left",
-            "--top and --left too: all three are measured from the first original",
-            "add --top and --left, or leave --share-over out",
-        )
+    placed = top is not None or left is not None
+    check_needs("--share-over", "--top and --left", bool(share_over) and not placed)
     shares = _share_of(share, len(genomes))
     codes = parents_of(genomes, identifiers, reading, coding)
     if suffix == ".geojson" and not is_placed(codes[0]):
         raise no_geojson(" × ".join(codes[0].cities))
     start = time.perf_counter()
-    placed = top is not None or left is not None
     place = (top or 0, left or 0, height, width)
     fabric = grow_fabric(
         codes,
@@ -151,14 +159,8 @@ def grow(
         corner=(0, 0) if placed else corner or None,
         share=shares,
         share_over=share_over or (place if placed and len(codes) > 1 else None),
-        cell=cell,
-        side_min=side_min,
-        side_max=side_max,
-        size_min=size_min,
-        size_max=size_max,
-        tolerance=tolerance,
-        candidates=candidates,
         turned=not straight,
+        **sizes,
     )
     if placed:
         fabric = fabric.at(*place)
@@ -230,8 +232,8 @@ def _share_of(words: Sequence[str], count: int):
         sizes = " and ".join(f"{tall} × {wide}" for tall, wide in sorted(rasters))
         raise EvocityError(
             f"--share has pictures of several sizes: {sizes} px",
-            "pictures of one size",
-            "scale the pictures to one size",
+            "pictures that all have the same size",
+            "scale the pictures to the same size",
         )
     if not rasters:
         return shares
@@ -255,7 +257,7 @@ def _read_share(word: str):
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise EvocityError(
             f"--share {word}: {error}",
-            "a number from 0 to 1, or a picture such as a PNG: black for the first genome, white "
-            "for the second",
-            "check the name and the file",
+            "a number from 0 to 1, or a picture that is black for the first genome and white for "
+            "the second genome",
+            "check the name of the picture and its format",
         ) from error

@@ -6,23 +6,22 @@ import click
 
 import evocity
 from evocity.cli.shared.checks import check_output
+from evocity.cli.shared.commands import command
 from evocity.cli.shared.options import POSITIVE, at_option, json_option, option, output_option
 from evocity.cli.shared.terminal import echo, print_json
 from evocity.errors import EvocityError, keyword, setting
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity keep runs/lyon-x-montpellier
   evocity keep runs/lyon-x-montpellier --count 8 -o sheet.png
-  evocity keep runs/lyon-x-montpellier -o chosen.zip --at lyon-1er"""
-)
+  evocity keep runs/lyon-x-montpellier -o chosen.zip --at lyon-1er""")
 @click.argument("run", metavar="RUN")
-@option("--count N", "Largest number of individuals.", POSITIVE, 5)
+@option("--count N", "Largest number of individuals to keep.", POSITIVE, 5)
 @output_option(
     "PNG|ZIP",
-    "File to write: .png (contact sheet), .zip (map, footprints, picture, genome, scene of each)",
+    "File to write: .png (a contact sheet) or .zip (map, footprints, picture, genome and scene of "
+    "each individual)",
     required=False,
 )
 @at_option
@@ -30,25 +29,28 @@ Examples:
 def keep(run: str, count: int, output: Path | None, at: str | None, as_json: bool) -> None:
     """Print which individuals of RUN to keep, and why.
 
-    These individuals are the best compromise, the best by each goal, and a few that look unlike all
-    of these. No other birth ever dominated these individuals. For each individual, the command
-    prints the number, the role, the reason, what the individual gave up, and the sources of its
-    buildings. The report of RUN begins with the same individuals. RUN may still be running; the
-    command changes and executes nothing in RUN.
+    The individuals to keep are the best compromise, the best individual for each goal, and a few
+    individuals that look unlike all of these. No birth of the run dominates an individual to keep.
+    For each individual, the command prints the number, the role, the reason to keep it, its
+    weaknesses, and the sources of its buildings. The report of RUN begins with the individuals to
+    keep. The run may still be in progress, because the command changes and executes nothing in the
+    run folder.
 
-    With --at, the maps, footprints and genomes in a .zip get a place on Earth.
+    With --at, the maps, footprints and genomes in a .zip file get the coordinates of a source city.
 
-    JSON keys: kept, a list of id, role, why, gave_up, built (by source city, its share of the built
-    area; null where nothing comes from source cities) and scores (by measure, its value); untraced
-    (the source cities that have at most 0.01 of the built area in each kept individual).
+    The JSON document has the keys "kept" and "untraced". The key "kept" lists the individuals, each
+    with the keys "id", "role", "why", "gave_up", "built" and "scores". The key "built" has the
+    share of the built area from each source city, or null if nothing comes from source cities. The
+    key "untraced" lists the source cities that have at most 0.01 of the built area in each kept
+    individual.
     """
     if output is not None:
         check_output(output, run, {".png", ".zip"})
     if at is not None and output is None:
         raise EvocityError(
-            f"{setting('at', at)} needs an output file",
-            f"{keyword('output')} with a name that ends in .zip",
-            f"leave {keyword('at')} out, or write a .zip",
+            f"{setting('at', at)} is given without an output file",
+            f"{keyword('output')} together with an output file whose name ends in .zip",
+            f"leave {keyword('at')} out, or write a .zip file",
         )
     opened = evocity.open_run(run)
     kept = opened.keep(count)
@@ -76,7 +78,7 @@ def keep(run: str, count: int, output: Path | None, at: str | None, as_json: boo
         echo(f"\n{kept.lacking} docs/analysis.md#children-of-all-parents shows how to find others.")
     if output is not None:
         echo(f"wrote {output}")
-    from evocity.analysis.georeference import command_for_blender, command_for_gis
+    from evocity.analysis.individual import command_for_blender, command_for_gis
 
     first = kept[0].individual
     echo(f"\nOne of them as a file for QGIS:\n  {command_for_gis(run, first.id, first.ground)}")

@@ -9,7 +9,7 @@ import click
 
 import evocity
 from evocity.cli.shared.checks import check_output
-from evocity.cli.shared.commands import Commands
+from evocity.cli.shared.commands import Commands, command
 from evocity.cli.shared.options import FILE, flag, json_option, map_options, option
 from evocity.cli.shared.terminal import echo, note_compiling, note_reading, print_json
 from evocity.errors import EvocityError
@@ -17,39 +17,43 @@ from evocity.errors import EvocityError
 
 @click.group(cls=Commands)
 def library() -> None:
-    """Objects from real maps, to replace generated buildings."""
+    """Make libraries of real buildings, which can replace generated buildings in scenes."""
 
 
-@library.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity library new new-york-west-village cape-town-salt-river -o objects
   evocity library new town.gpkg --licence CC0-1.0 --atmosphere "garden city" -o objects
-  evocity library new lyon-1er --pixels 512 --metres-per-pixel 1 --isolated -o objects"""
-)
+  evocity library new lyon-1er --pixels 512 --metres-per-pixel 1 --isolated -o objects""")
 @click.argument("maps", metavar="MAP...", nargs=-1, required=True)
 @option(
     "-o --output FOLDER",
-    "Folder of the library, created if missing; objects.gpkg in it is overwritten.",
+    "Folder of the library, created if missing; an existing objects.gpkg in the folder is "
+    "overwritten.",
     FILE,
     required=True,
 )
 @option("--licence NAME", "Licence of the maps, such as ODbL-1.0. [from the map's file]")
-@option("--atmosphere TEXT", "Atmosphere of the objects, in words. [none]", default="")
-@flag("--isolated", "Leave out buildings that touch others.")
-@option("--classes TOML", "Table of classes for the objects. [the seven of evocity]", FILE)
+@option(
+    "--atmosphere TEXT",
+    'Words that describe the atmosphere of the objects, such as "garden city". [none]',
+    default="",
+)
+@flag("--isolated", "Leave out buildings that touch other buildings.")
+@option(
+    "--classes TOML", "TOML file with a table of building classes. [the seven of evocity]", FILE
+)
 @map_options
 @json_option
 def new(maps, output: Path, licence, atmosphere, isolated, classes, reading, as_json) -> None:
     """Make a library from the buildings of MAPs.
 
     Each MAP is a map file or the name of a bundled district. Objects are buildings of 24 m² or more
-    that the border of the map does not cut. All objects have straight walls, heights and classes.
-    The command writes objects.gpkg into FOLDER; QGIS opens this file, and `evocity scene --library
-    FOLDER` uses it.
+    that lie wholly within the map. Each object has straight walls, a height and a class. The
+    command writes the file objects.gpkg into FOLDER, for QGIS and for `evocity scene --library
+    FOLDER`.
 
-    JSON keys: table (the path of objects.gpkg), objects (their number), isolated (the number of
-    isolated objects), classes (the number in each class), maps (the number from each map).
+    The JSON document has the keys "table" (path of objects.gpkg), "objects" and "isolated" (numbers
+    of objects), "classes" (numbers by class) and "maps" (numbers by map).
     """
     from evocity.scene.library import Library
     from evocity.views.classes import ClassTable
@@ -63,7 +67,9 @@ def new(maps, output: Path, licence, atmosphere, isolated, classes, reading, as_
     for source, count in Counter(maps).items():
         if count > 1:
             raise EvocityError(
-                f"the map {source} appears twice", "each map once", "leave one of them out"
+                f"the map {source} appears twice",
+                "each map only once",
+                "remove one of the two names of this map",
             )
     made, named = [], Counter()
     for source in maps:
@@ -72,8 +78,8 @@ def new(maps, output: Path, licence, atmosphere, isolated, classes, reading, as_
         if not terms:
             raise EvocityError(
                 f"{source} has no licence",
-                "the licence under which it may be used",
-                "name the licence, for example with --licence ODbL-1.0",
+                "the licence of the map",
+                "name the licence of the map, for example with --licence ODbL-1.0",
             )
         note_reading(city, reading)
         named[city.name] += 1
@@ -86,8 +92,8 @@ def new(maps, output: Path, licence, atmosphere, isolated, classes, reading, as_
     whole = Library.joined(objects for _, objects in made)
     if not len(whole):
         raise EvocityError(
-            f"no whole building of 24 m² or more in {', '.join(maps)}",
-            "a map with buildings that its border does not cut",
+            f"there is no whole building of 24 m² or more in {', '.join(maps)}",
+            "at least one building of 24 m² or more that the border of the map does not cut",
             "choose another window with --center, --pixels and --metres-per-pixel",
         )
     path = whole.write(output)
@@ -109,8 +115,12 @@ def _check_folder(folder: Path) -> None:
     """Raise `EvocityError` unless ``folder`` is a folder, or can be created."""
     if folder.is_dir() or (not folder.exists() and folder.absolute().parent.is_dir()):
         return
-    what = "is a file" if folder.exists() else "lies in a folder that does not exist"
-    raise EvocityError(f"{str(folder)!r} {what}", "a folder", "choose another name after -o")
+    what = "a file has this name" if folder.exists() else "its parent folder does not exist"
+    raise EvocityError(
+        f"the folder {str(folder)!r} cannot be created: {what}",
+        "an existing folder, or a new name inside an existing folder",
+        "choose another folder after -o",
+    )
 
 
 def _licence_of(source: str) -> str:
@@ -125,3 +135,6 @@ def _licence_of(source: str) -> str:
         if isinstance(document, dict) and isinstance(document.get("licence"), str):
             return document["licence"].strip()
     return ""
+
+
+library.add_command(new)

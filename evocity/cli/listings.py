@@ -5,25 +5,25 @@ from collections.abc import Callable, Mapping
 
 import click
 
+from evocity.cli.shared.commands import command
 from evocity.cli.shared.options import json_option
 from evocity.cli.shared.terminal import echo, print_json, print_table, warn
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity show lyon-1er -o lyon.png
-  evocity cities --json"""
-)
+  evocity cities --json""")
 @json_option
 def cities(as_json: bool) -> None:
-    """List the bundled districts, with the number of known heights and the attribution of each.
+    """List the bundled districts, each with its number of buildings, its number of missing heights
+    and its attribution.
 
-    Each name can replace a file wherever a command or a recipe takes a MAP. Pictures and files made
-    from a district carry its attribution; keep the attribution with everything that you publish.
+    Wherever a command or a recipe needs a map file, you can write the name of a district. Pictures
+    and files made from a district contain its attribution. Keep the attribution of a district with
+    everything that you publish.
 
-    JSON: for each name, attribution, buildings (number in the window) and without_height (number of
-    buildings that get the default height).
+    For each district, the JSON document has the keys "attribution", "buildings" and
+    "without_height". The key "without_height" counts the buildings that get the default height.
     """
     from evocity.io.bundled_cities import DISTRICTS
 
@@ -38,25 +38,23 @@ def cities(as_json: bool) -> None:
 
 @click.group()
 def operators() -> None:
-    """Breeding operators of genomes."""
+    """List the operators that breed genomes."""
 
 
-@operators.command(
-    "list",
-    epilog="""\b
-Examples:
+@command("""
   evocity operators list
-  evocity breed pavement_fusion lyon-1er montpellier-pas-du-loup --set fill=0.3 -o child.parquet""",
-)
+  evocity breed pavement_fusion lyon-1er montpellier-pas-du-loup --set fill=0.3 -o child.parquet""")
 @json_option
 def list_operators(as_json: bool) -> None:
-    """List the operators: number of parents, origin, effect, and parameters with their defaults.
+    """List all operators with their number of parents, origin, effect, and parameters with
+    defaults.
 
-    docs/operators.md explains the parameters. Set parameters in a recipe, or with --set of `evocity
-    breed`.
+    The page docs/operators.md explains the parameters. Set parameters in a recipe, or with the
+    option --set of `evocity breed`.
 
-    JSON: for each name, what the operator breeds (fabric, shape, curve), parents (fewest, most;
-    null for any number), parameters (with their defaults; null without a default), origin, doc.
+    For each operator, the JSON document has the keys "of", "parents", "parameters", "origin" and
+    "doc". The key "of" says what the operator breeds: fabric, shape or curve. The key "parents" has
+    the smallest and the largest number of parents; null means any number.
     """
     from evocity.operators import operators as all_operators
     from evocity.operators import origins, plugin_warnings
@@ -123,24 +121,22 @@ def _typed(default: object) -> str:
 
 @click.group()
 def readers() -> None:
-    """Readers of map files."""
+    """List the readers of map files."""
 
 
-@readers.command(
-    "list",
-    epilog="""\b
-Examples:
+@command("""
   evocity readers list
-  evocity show buildings.gpkg --layer roofs -o roofs.png""",
-)
+  evocity show buildings.gpkg --layer roofs -o roofs.png""")
 @json_option
 def list_readers(as_json: bool) -> None:
-    """List the readers: suffix, expected content, options, origin and effect.
+    """List all readers of map files with their suffix, expected content, options, origin and
+    effect.
 
-    docs/maps.md describes each reader. Packages add readers by entry points of the group
-    evocity.readers.
+    The page docs/maps.md describes each reader. Other packages add readers through entry points of
+    the group evocity.readers.
 
-    JSON: for each suffix, content (null for any content), options, origin, doc.
+    For each suffix, the JSON document has the keys "content", "options", "origin" and "doc" of the
+    reader. If the key "content" is null, the reader accepts any content.
     """
     from evocity.io import plugin_warnings
     from evocity.io import readers as all_readers
@@ -169,3 +165,9 @@ def _print_list(listed: Mapping, head: tuple[str, ...], row: Callable, as_json: 
         print_json(listed)
     else:
         print_table([head, *(row(*entry) for entry in listed.items())])
+
+
+operators.add_command(list_operators, "list")
+
+
+readers.add_command(list_readers, "list")

@@ -8,48 +8,50 @@ import click
 
 import evocity
 from evocity.cli.shared.checks import check_output
+from evocity.cli.shared.commands import command
 from evocity.cli.shared.options import (
     WHOLE,
     metres_option,
     option,
     output_option,
     pixels_option,
+    settings_of,
     settings_option,
 )
-from evocity.cli.shared.parameters import settings_of
 from evocity.cli.shared.terminal import describe, echo
 from evocity.errors import EvocityError, near_miss
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity pattern concentric -o concentric.tif
   evocity pattern concentric -o concentric.gpkg
   evocity pattern chessboard --seed 7 --set block=60 --set storeys=[3,6] -o chess.png
-  evocity pattern substitution --set motif=AAB/C.B/CDD --set iterations=3 -o motif.tif"""
-)
+  evocity pattern substitution --set motif=AAB/C.B/CDD --set iterations=3 -o motif.tif""")
 @click.argument("name", metavar="NAME")
 @output_option(
     "MAP",
-    "Map to write: .tif (heights), .gpkg (footprints with heights), .png (a picture), .npy (bare "
-    "heights)",
+    "Map to write: .tif (heights), .gpkg (footprints with heights), .png (a picture) or .npy (only"
+    " heights)",
 )
 @pixels_option
 @metres_option
-@option("--seed", "Seed that varies storeys and depths of houses. [a regular town]", WHOLE)
+@option("--seed", "Seed of the random heights and depths of houses. [a regular town]", WHOLE)
 @settings_option("the town's own")
 def pattern(name: str, output: Path, pixels, metres_per_pixel, seed, settings) -> None:
-    """Draw a town by a rule, as a parent with a known plan.
+    """Draw a town according to a rule, for use as a parent with a known plan.
 
-    NAME is substitution, concentric, chessboard or radial. A substitution town repeats a motif: the
-    whole motif replaces each of its shapes, again and again. A concentric town has streets in rings
-    around a central square, crossed by roads and lanes. A chessboard town has square blocks,
-    alternately closed and open. A radial town has streets from a central square outwards, and more
-    streets farther out.
+    NAME is substitution, concentric, chessboard or radial. A substitution town repeats a motif: in
+    each step, the whole motif replaces every shape in the town. A concentric town has ring streets
+    around a central square, and roads and lanes that cross the ring streets. A chessboard town has
+    square street blocks, where high blocks with a closed court alternate with low open blocks. A
+    radial town has streets from a central square outwards, and the number of streets grows with the
+    distance from the square.
 
-    docs/pictures.md explains the parameters of each pattern. The same seed draws the same town.
+    The page docs/pictures.md explains the parameters of each pattern. The same seed draws the same
+    town.
     """
+    import numpy as np
+
     from evocity.io import WRITERS
     from evocity.io.footprint_files import no_geojson
     from evocity.towns import PATTERNS
@@ -65,16 +67,11 @@ def pattern(name: str, output: Path, pixels, metres_per_pixel, seed, settings) -
         raise no_geojson(f"a town drawn by the rule {name}")
     town = PATTERNS[name]
     parameters = _parameters(settings, name, town)
-    city = town(pixels, metres_per_pixel, rng=_generator(seed), **parameters)
+    rng = None if seed is None else np.random.default_rng(seed)
+    city = town(pixels, metres_per_pixel, rng=rng, **parameters)
     evocity.write_map(city, output)
     echo(describe(city))
     echo(f"wrote {output}")
-
-
-def _generator(seed: int | None):
-    import numpy as np
-
-    return None if seed is None else np.random.default_rng(seed)
 
 
 def _parameters(settings: tuple[str, ...], name: str, town: Callable) -> dict[str, object]:

@@ -8,7 +8,7 @@ import click
 
 import evocity
 from evocity.cli.shared.checks import check_output, replace_file
-from evocity.cli.shared.commands import Commands
+from evocity.cli.shared.commands import Commands, command
 from evocity.cli.shared.inputs import measures_of
 from evocity.cli.shared.options import (
     FILE,
@@ -39,28 +39,25 @@ def recipe() -> None:
     """Recipes for runs."""
 
 
-@recipe.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity recipe new lyon-1er new-york-west-village -o night.toml
   evocity recipe new here.osm.pbf there.geojson --center 37.62 55.82 --center 4.83 45.77 \\
       --fitness my_measure.py -o night.toml
-  evocity run night.toml"""
-)
+  evocity run night.toml""")
 @click.argument("maps", metavar="MAP...", nargs=-1, required=True)
 @option(
     "--fitness words NAME|FILE.py|FILE.toml...",
-    "Measure to search by: a name, a Python file (executed) or a table of building types. "
-    "[autosimilarity, alignment, salingaros_buildings, crumbs]",
+    "Measure that guides the search: a name, a Python file (the command executes it) or a table "
+    "of building types. [autosimilarity, alignment, salingaros_buildings, crumbs]",
 )
 @option(
     "-o --output FILE.toml",
-    "Recipe to write; without --force, it must not exist.",
+    "Recipe file to write; it must not exist, unless --force is given.",
     FILE,
     required=True,
 )
 @flag("--force", "Overwrite an existing recipe.")
-@option("--pixels", "Side of the square window of every map, pixels; a multiple of 16.", int, 256)
+@option("--pixels", "Side of each map's window in pixels, a multiple of 16.", int, 256)
 @metres_option
 @centers_option
 @file_options
@@ -68,23 +65,27 @@ Examples:
 def new(
     maps, words, output: Path, force, pixels, metres_per_pixel, center, as_json, **of_files
 ) -> None:
-    """Write a recipe that breeds MAPs, with bounds calibrated on them.
+    """Write a recipe that breeds from MAPs, with bounds calibrated on these maps.
 
-    Each MAP is a map file or the name of a bundled district. The command codes the maps, and
-    measures the maps and their codes. The recipe sets bounds on integrity, fabric distance and
-    small buildings. The codes of the parents keep these bounds, and a heap of rubble breaks these
-    bounds. Comments in the recipe explain each line, list the values of the parents, and estimate
-    the time of a run. Paths in the recipe are relative to its folder. If a measure has no goal, its
-    target is the value of the first MAP, after coding.
+    Each MAP is a map file or the name of a bundled district. The command encodes each map as a
+    genome, then measures both the map and the decoded genome. The recipe sets bounds on integrity,
+    fabric distance and small buildings. The coded parents satisfy all bounds in the recipe, but a
+    map of rubble violates these bounds. Comments in the recipe explain each line, list the values
+    of the parents, and estimate the time of a run. Paths in the recipe are relative to the folder
+    of the recipe. If a measure has no goal, its target in the recipe is the value of the first MAP,
+    measured on the decoded genome.
 
-    JSON keys: recipe; values (by measure and parent, the values of the map and of its code); bounds
-    (by measure, min or max); births; seconds (per birth); duration (of all births on all cores, in
-    seconds).
+    The JSON document has the keys "recipe", "values", "bounds", "births", "seconds" and "duration".
+    For each measure and parent, the key "values" has the values of the map and of the decoded
+    genome. For each measure with a bound, the key "bounds" has min or max. The key "seconds" is the
+    time of one birth. The key "duration" is the time of all births on all cores, in seconds.
     """
     from evocity.search.calibration.calibration import calibrate_recipe
     from evocity.search.calibration.recipe_text import RecipeSettings, describe_duration
 
-    _check_output(output, maps, force)
+    for source in maps:
+        check_output(output, source, {".toml"})
+    _refuse_existing(output, force)
     parents = _parents(maps, center, of_files, output.parent)
     texts = RecipeSettings(_name(output), parents, pixels, metres_per_pixel)
     with quiet_stdout():
@@ -97,7 +98,9 @@ def new(
             note(text)
     if result.failing:
         warn(result.failing)
-    _write_recipe(output, result.text, force)
+    _refuse_existing(output, force)  # another process may have written it
+    with replace_file(output) as temporary:
+        temporary.write_text(result.text, encoding="utf-8")
     bounds = {bound.measure.name: bound.keys for bound in result.bounds}
     if as_json:
         values = {
@@ -107,16 +110,8 @@ def new(
             }
             for name, of_parents in result.values.items()
         }
-        print_json(
-            {
-                "recipe": str(output),
-                "values": values,
-                "bounds": bounds,
-                "births": result.births,
-                "seconds": result.seconds,
-                "duration": result.duration,
-            }
-        )
+        times = {key: getattr(result, key) for key in ("births", "seconds", "duration")}
+        print_json({"recipe": str(output), "values": values, "bounds": bounds} | times)
         return
     _print_values(result.values, bounds)
     echo(
@@ -159,26 +154,13 @@ def _print_values(values: Mapping, bounds: Mapping) -> None:
     print_table(rows)
 
 
-def _check_output(output: Path, maps: Sequence[str], force: bool) -> None:
-    """Raise `EvocityError`, before any work, unless the recipe can be written."""
-    for source in maps:
-        check_output(output, source, {".toml"})
-    _refuse_existing(output, force)
-
-
 def _refuse_existing(output: Path, force: bool) -> None:
     if not force and os.path.lexists(output):
         raise EvocityError(
             f"{str(output)!r} exists already",
             "a new file",
-            "choose another name after -o, or write over it with --force",
+            "choose another name after -o, or overwrite the file with --force",
         )
-
-
-def _write_recipe(output: Path, text: str, force: bool) -> None:
-    _refuse_existing(output, force)  # another process may have written it
-    with replace_file(output) as temporary:
-        temporary.write_text(text, encoding="utf-8")
 
 
 def _name(output: Path) -> str:
@@ -202,9 +184,9 @@ def _parents(
     for key in given:
         if not any(key in options for options in takes):
             raise EvocityError(
-                f"--{key.replace('_', '-')} {given[key]} fits none of {', '.join(maps)}",
-                "an option that one of these files takes",
-                "leave the option out",
+                f"--{key.replace('_', '-')} {given[key]} does not apply to {', '.join(maps)}",
+                "an option that applies to at least one of the maps",
+                "leave out this option",
             )
     files = [source for source in maps if source not in cities()]
     if len(centers) == len(maps):
@@ -215,10 +197,12 @@ def _parents(
         center_of = {}
     else:
         raise EvocityError(
-            f"--center is given {len(centers)} × for {len(maps)} maps, {len(files)} of them files",
-            "--center LON LAT once for each map file, in their order, or once for each map",
-            "give as many centres; or leave --center out, and write center = [LON, LAT] into the "
-            "[[parents]] that need a centre",
+            f"--center is given {len(centers)} times for {len(maps)} maps, of which {len(files)} "
+            "come from files",
+            "one --center LON LAT for each map, or one for each map that comes from a file, in the "
+            "order of the maps",
+            "give one --center for each map; or leave --center out, and write center = [LON, LAT] "
+            "in the recipe, under [[parents]]",
         )
     entries = []
     for k, source in enumerate(maps):
@@ -256,7 +240,10 @@ def _path_from(folder: Path, source: str) -> str:
     except UnicodeEncodeError:
         raise EvocityError(
             f"the path {path!r} is not text in UTF-8",
-            "a path that TOML can contain",
-            "rename the file",
+            "a path of characters that a TOML file can contain",
+            "rename the file or its folder",
         ) from None
     return f"./{path}" if path in evocity.cities() else path
+
+
+recipe.add_command(new)

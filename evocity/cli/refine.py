@@ -5,7 +5,8 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.shared.checks import check_output, report_write_errors
+from evocity.cli.shared.checks import check_needs, check_output, report_write_errors
+from evocity.cli.shared.commands import command
 from evocity.cli.shared.inputs import confirm_trust
 from evocity.cli.shared.options import (
     WHOLE,
@@ -30,76 +31,98 @@ from evocity.cli.shared.terminal import (
 from evocity.errors import EvocityError
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity refine runs/lyon-x-montpellier --id 97 -o better.parquet
   evocity refine runs/lyon-x-montpellier --id 97 --with 103 --side 6 --budget 400 -o better.parquet
   evocity refine runs/lyon-x-montpellier --id 97 --way heights -o better.parquet
   evocity refine runs/lyon-x-montpellier --id 97 --way fit --towards lyon-1er -o near.parquet
 
-The genome can be a parent of another run: [[parents]] genome = "better.parquet"."""
-)
+The genome can be a parent of another run: [[parents]] genome = "better.parquet".""")
 @click.argument("run", metavar="RUN", type=click.Path(path_type=Path))
 @required_id_option
 @output_option("GENOME", "Genome file to write, usually .parquet")
 @option(
     "--way",
-    "What to tune: the fabric or the heights of street blocks, the operator's parameters, or all "
-    "lifs.",
+    "Part of the individual to tune: the fabric of street blocks, their heights, the operator's "
+    "parameters, or all lifs.",
     click.Choice(["lambda_field", "heights", "parameters", "fit"]),
     "lambda_field",
 )
 @option("--budget", "Largest number of evaluations.", click.IntRange(1, 1_000_000), 200)
 @option("--algorithm", "Algorithm of NLopt.", click.Choice(["sbplx", "cobyla", "bobyqa"]), "sbplx")
 @option(
-    "--side", "Number of values along each side of a field over the map.", click.IntRange(1, 16), 4
+    "--side",
+    "Number of values along each side of the field of numbers that covers the map.",
+    click.IntRange(1, 16),
+    4,
 )
 @option(
     "--rounds",
-    "Number of rounds of lambda_field. [one for each ten evaluations; 4 with cobyla and bobyqa]",
+    "Number of rounds for --way lambda_field. [one for each ten evaluations; 4 with cobyla and "
+    "bobyqa]",
     click.IntRange(1, 1000),
 )
-@option("--seed", "Seed of the random choice of fabric.", WHOLE, 0)
+@option(
+    "--seed",
+    "Seed of the random choice of the individuals whose fabric the command uses.",
+    WHOLE,
+    0,
+)
 @option(
     "--with others N...",
-    "Individual that offers its fabric to lambda_field. [a living one and a variant, each round]",
+    "Number of an individual whose fabric --way lambda_field can use. [a living one and a variant,"
+    " each round]",
     WHOLE,
 )
 @option("--tune KEY...", "Parameter to tune with --way parameters. [all numbers]")
-@option("--towards MAP", "Map to approach with --way fit, at the run's window and pixels.")
+@option("--towards MAP", "Map to approach with --way fit, read with the run's window and pixels.")
 @accept_changes_option
 @trust_option
 @map_options
 @json_option
 def refine(
-    run: Path, identifier, output, way, budget, algorithm, side, rounds, seed, others, tune,
-    towards, accept_changes, trust, reading, as_json,
-) -> None:  # fmt: skip
+    run: Path,
+    identifier,
+    output,
+    way,
+    budget,
+    others,
+    tune,
+    towards,
+    trust,
+    reading,
+    as_json,
+    **how,
+) -> None:
     """Improve the individual --id of RUN with an optimiser, and write the result as a genome.
 
-    The score of an individual is the sum of the losses of its goals, each divided by the range of
-    the goal in the first generation. As in the run, constraints come first. With --way fit, the
-    score is the distance to the map of --towards. If the optimiser finds nothing better, the
-    command writes the genome of the individual itself. RUN stays unchanged, and may still be
-    running. The command executes the Python files of measures that the recipe names.
+    The score of an individual is the sum of its losses. The loss of each goal is divided by the
+    range of this goal in the first generation. An individual that breaks constraints is always
+    worse than an individual that breaks no constraint. With --way fit, the score is the distance to
+    the map of --towards. If the optimiser finds nothing better, the command writes the unchanged
+    genome of the individual. The run stays unchanged, and may still be in progress. The command
+    executes the Python files of measures that the recipe names.
 
-    The way lambda_field tunes which street blocks get the fabric of other individuals; each round
-    continues from the best result, with new fabric. The way heights tunes the heights of street
-    blocks. The way parameters tunes the parameters of the operator that bred the individual, and
-    replays the birth. The way fit tunes all lifs until the map is closest to another map, by its
-    own algorithm.
+    With --way lambda_field, the optimiser chooses the street blocks that get the fabric of other
+    individuals. With --way lambda_field, each round continues from the best result, with fabric of
+    new individuals. With --way heights, the optimiser tunes the heights of street blocks. With
+    --way parameters, the optimiser tunes the parameters of the operator that bred the individual,
+    and replays the birth. With --way fit, the command tunes all lifs until the decoded map is as
+    close as possible to the map of --towards. With --way fit, the command does not use the general
+    optimiser.
 
-    JSON keys: id, way, better, bred (number of children; equal children are measured once),
-    evaluations, failures, others; score, values and, for --way fit, distance (m, RMS), each with
-    before and after.
+    The JSON document has the keys "id", "way", "better", "bred", "evaluations", "failures",
+    "others", "score" and "values". With --way fit, the key "distance" has the root-mean-square
+    distance from the map of --towards, in metres. The key "bred" counts all children. The command
+    measures equal children only once. The keys "score", "values" and "distance" have the numbers
+    before and after the refinement.
     """
     opened = evocity.open_run(run)
     check_output(output, str(run))
     if run.resolve() in output.resolve().parents:
         raise EvocityError(
             f"{str(output)!r} is in the folder of the run",
-            "a file outside the folder of the run",
+            "an output file outside the folder of the run",
             "choose another name after -o",
         )
     _check_options(way, others, tune, towards, reading)
@@ -111,16 +134,12 @@ def refine(
             identifier,
             way=way,
             budget=budget,
-            algorithm=algorithm,
-            side=side,
-            rounds=rounds,
-            seed=seed,
             others=others or None,
             tune=tune,
             towards=target,
-            accept_changes=accept_changes,
             trust=confirm_trust(run, trust),
             progress=None if bar is None else lambda done, _: bar(done, budget),
+            **how,
         )
     with report_write_errors(output):
         result.genome.write(output)
@@ -140,18 +159,12 @@ def refine(
         }
         if distances is not None:
             pairs["distance"] = tuple(distances)
-        print_json(
-            {
-                "id": identifier,
-                "way": way,
-                "better": result.better,
-                "bred": result.bred,
-                "evaluations": result.evaluations,
-                "failures": result.failures,
-                "others": list(result.others),
-                **{key: dict(zip(("before", "after"), p, strict=True)) for key, p in pairs.items()},
-            }
-        )
+        facts = {key: getattr(result, key) for key in ("better", "bred", "evaluations", "failures")}
+        facts["others"] = list(result.others)
+        changes = {
+            k: dict(zip(("before", "after"), pair, strict=True)) for k, pair in pairs.items()
+        }
+        print_json({"id": identifier, "way": way} | facts | changes)
         return
     offered = f", fabric of {', '.join(map(str, result.others))}" if result.others else ""
     echo(f"individual {identifier}: {way}{offered}, {result.evaluations} evaluations")
@@ -198,18 +211,13 @@ def _check_options(way: str, others, tune, towards, reading) -> None:
     for option_name, (given, own) in own_way.items():
         if given and way != own:
             raise EvocityError(
-                f"{option_name} does not fit --way {way}",
-                f"{option_name} with --way {own}",
-                "leave one of them out",
+                f"{option_name} cannot be used with --way {way}",
+                f"{option_name} only together with --way {own}",
+                f"leave out {option_name}, or choose --way {own}",
             )
-    if way == "fit" and towards is None:
-        raise EvocityError("--way fit without --towards", "a map to approach", "add --towards MAP")
-    if reading and towards is None:
-        raise EvocityError(
-            "options for reading maps are given without --towards",
-            "these options only with --towards MAP",
-            "leave the options out, or add --towards MAP",
-        )
+    check_needs("--way fit", "--towards MAP", way == "fit" and towards is None)
+    given = ", ".join(f"--{key.replace('_', '-')}" for key in reading)
+    check_needs(given, "--towards MAP", bool(reading) and towards is None)
 
 
 def _read_target(towards: str, run, reading):

@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 import evocity
+from evocity.cli.shared.commands import command
 from evocity.cli.shared.inputs import confirm_trust
 from evocity.cli.shared.options import (
     POSITIVE,
@@ -15,26 +16,31 @@ from evocity.cli.shared.options import (
     option,
     trust_option,
 )
-from evocity.cli.shared.terminal import echo, note_compiling, print_json, progress_bar, quiet_stdout
+from evocity.cli.shared.terminal import (
+    echo,
+    note,
+    note_compiling,
+    print_json,
+    progress_bar,
+    quiet_stdout,
+)
 from evocity.errors import EvocityError
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity replay runs/lyon-x-montpellier 97 103
   evocity replay runs/lyon-x-montpellier --sample 100 --workers 2 --json
-  evocity replay runs/lyon-x-montpellier --all"""
-)
+  evocity replay runs/lyon-x-montpellier --all""")
 @click.argument("run", metavar="RUN", type=click.Path(path_type=Path))
 @click.argument("ids", metavar="[ID]...", type=click.IntRange(min=0), nargs=-1)
 @flag("--all every", "Replay all births.")
-@option("--sample N", "Number of births to replay, drawn from all at random. [the IDs]", POSITIVE)
-@option("--seed", "Seed of the births that --sample draws.", WHOLE, 0)
+@option("--sample N", "Number of births to draw at random and replay. [the IDs]", POSITIVE)
+@option("--seed", "Seed of the random draw of births for --sample.", WHOLE, 0)
 @option(
     "--workers",
-    "Number of processes, each with the recipe's deadline and memory limit; 0 uses this process "
-    "without limits, and skips births that exceeded a limit.",
+    "Number of worker processes, each with the recipe's deadline and memory limit. With --workers "
+    "0, the command works without worker processes and limits, and skips births that exceeded a "
+    "limit.",
     WHOLE,
     0,
 )
@@ -42,22 +48,25 @@ Examples:
 @trust_option
 @json_option
 def replay(run: Path, ids, every, sample, seed, workers, accept_changes, trust, as_json) -> None:
-    """Recompute the births ID of RUN, and compare them with its log, bit for bit.
+    """Repeat the births ID of RUN, and compare the results with the log of the run, bit for bit.
 
     For each birth, the command draws the parents and the operator again, breeds the child and
-    measures it. The command prints every difference from the log. Measures with random draws give
-    other values. Values may also differ on another machine, or with other releases of libraries.
-    RUN stays unchanged, and may still be running. The command executes the Python files of measures
-    that the recipe names.
+    measures it. The command prints every difference from the log. Measures that draw random numbers
+    can return different values. Measured values can differ on another machine, or with other
+    releases of libraries. The run stays unchanged, and may still be in progress. The command
+    executes the Python files of measures that the recipe names. With --all, the command also names
+    the files of the run that have no checksums, because an older release wrote them.
 
-    JSON: a list with an object for each birth. Keys: id; same (true or false; null if unknown);
-    differs (by column of the births, the values then and now: parents, operator, status, genome,
-    fitness.NAME); reason (why same is unknown, else null). The exit code is 1 if any birth differs.
+    The JSON document is a list of births with the keys "id", "same", "differs" and "reason". The
+    key "same" is true or false; if the result is unknown, the key "same" is null and the key
+    "reason" says why. For each column that differs, the key "differs" has the logged value and the
+    new value. The compared columns are parents, operator, status, genome and fitness.NAME. The exit
+    code is 1 if any birth differs from the log.
     """
     if bool(ids) + every + (sample is not None) != 1:
         raise EvocityError(
-            "IDs, --all and --sample are all missing, or several are given",
-            "only one of these: IDs, --all or --sample N",
+            "IDs, --all and --sample are all missing, or several of these are given",
+            "exactly one of these: IDs; --all; --sample N",
             f"name births, for example: evocity replay {run} 0 1",
         )
     opened = evocity.open_run(run)
@@ -78,6 +87,11 @@ def replay(run: Path, ids, every, sample, seed, workers, accept_changes, trust, 
         for birth in replayed:
             echo(f"{birth.id}: {_describe(birth)}")
         echo(_summary(replayed))
+    if every and (parts := opened.unverified()):
+        note(
+            f"an older release of evocity wrote {', '.join(parts)} without checksums, so that "
+            "evocity cannot verify these files"
+        )
     if any(birth.same is False for birth in replayed):
         click.get_current_context().exit(1)
 
@@ -93,14 +107,14 @@ def _draw_births(run, sample: int | None, seed: int) -> list[int]:
 
 
 def _document(birth) -> dict:
-    from evocity.search.record.diff import json_differences
+    from evocity.search.record.complete_run import json_differences
 
     differs = json_differences(birth.differs)
     return {"id": birth.id, "same": birth.same, "differs": differs, "reason": birth.reason}
 
 
 def _describe(birth) -> str:
-    from evocity.search.record.diff import describe_differences
+    from evocity.search.record.complete_run import describe_differences
 
     if birth.same is None:
         return f"unknown: {birth.reason}"

@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 import evocity
+from evocity.cli.shared.commands import command
 from evocity.cli.shared.inputs import confirm_trust
 from evocity.cli.shared.options import (
     WHOLE,
@@ -19,48 +20,47 @@ from evocity.cli.shared.search_progress import blame_options, carry_out
 from evocity.cli.shared.terminal import echo, note
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity resume runs/lyon-x-montpellier
   evocity resume runs/lyon-x-montpellier --generations 400
   evocity resume runs/lyon-x-montpellier --recipe runs/lyon-x-montpellier.toml
-  evocity resume runs/lyon-x-montpellier --cluster tcp://10.0.0.1:8786"""
-)
+  evocity resume runs/lyon-x-montpellier --cluster tcp://10.0.0.1:8786""")
 @click.argument("folder", metavar="RUN", type=click.Path(path_type=Path))
 @option(
-    "--generations", "Number of generations of the whole run, past and new. [as at the start]", int
+    "--generations",
+    "Total number of generations, including the finished generations. [as at the start]",
+    int,
 )
-@option("--workers", "Number of processes that evaluate births. [as at the start]", WHOLE)
+@option("--workers", "Number of worker processes that evaluate births. [as at the start]", WHOLE)
 @cluster_option("as at the start")
 @until_option
 @option(
     "--recipe revised RECIPE",
-    "Recipe that replaces the run's recipe, with other values or more measures (executed). "
-    "[the run's]",
+    "Recipe that replaces the recipe of the run; the command executes its Python files of "
+    "measures. [the run's]",
 )
 @accept_changes_option
 @trust_option
 @flag(
     "--set-aside",
-    "Move damaged files at the end of the run to damaged/, and breed their births again.",
+    "Move damaged files of births and membership, and all later ones, to the folder damaged/, and "
+    "breed their births again.",
 )
-def resume(
-    folder: Path, generations, workers, cluster, until, revised, accept_changes, trust, set_aside
-) -> None:
-    """Go on with the run in the folder RUN.
+def resume(folder: Path, revised, trust, set_aside, accept_changes, **changes) -> None:
+    """Continue the run in the folder RUN.
 
-    The run goes on after its last whole generation, as if it had never stopped: the births are the
-    same, bit for bit. If the run is finished, the command only writes its report again, unless
-    --generations is larger. If the target of the run is still reached, or stagnation still lasts,
-    the run stops at once and says what to change. The option --generations overrides both. The
-    command executes the commands of the recipe, and the Python files of measures that the recipe
-    names.
+    The run continues after its last complete generation. The births of a resumed run are the same,
+    bit for bit, as those of a run that never stopped. If the run is finished, the command only
+    writes the report again, unless --generations asks for more generations. If the run has reached
+    its target or stagnates, the run stops immediately and prints advice on what to change. The
+    option --generations overrides the target and the limit of stagnation. The command executes the
+    commands of the recipe, and the Python files of measures that the recipe names.
 
-    Another --recipe may change weights, targets, bounds, parameters, generations, [stop], [notify]
-    and [evaluation]. Another --recipe must keep all measures of the run, as goals, as bounds or in
-    run.record. New measures in the recipe first score all births so far. With --set-aside, the
-    command breeds the same births again.
+    A recipe after --recipe may change weights, targets, bounds, parameters, generations, [stop],
+    [notify] and [evaluation]. The new recipe must contain all measures of the run, as goals, as
+    bounds or in run.record. If the new recipe adds measures, the command first computes these
+    measures for all earlier births. With --set-aside, the command breeds the births of damaged
+    files again.
     """
     if set_aside:
         from evocity import store
@@ -69,21 +69,18 @@ def resume(
         for name in moved:
             echo(f"set aside: {name}", err=True)
         if not moved:
-            note("no file of births or membership is damaged")
+            note("no file of births or membership is damaged or missing")
     trust = revised is None and confirm_trust(folder, trust)
 
     def start(progress):
-        with blame_options(generations=generations, until=until):
+        with blame_options(generations=changes["generations"], until=changes["until"]):
             return evocity.Search.resume(
                 folder,
-                generations=generations,
-                workers=workers,
-                cluster=cluster,
-                until=until,
                 recipe=revised,
                 accept_changes=accept_changes,
                 trust=trust,
                 progress=progress,
+                **changes,
             )
 
     carry_out(start, folder)

@@ -8,28 +8,26 @@ import click
 
 import evocity
 from evocity.cli.shared.checks import check_folder
+from evocity.cli.shared.commands import command
 from evocity.cli.shared.options import FILE, cluster_option, option, until_option
 from evocity.cli.shared.search_progress import blame_options, carry_out
 from evocity.errors import RunError, reason_of
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity run
   evocity run runs/lyon-x-montpellier.toml --generations 500 --out runs/tonight
   evocity run my-recipe.toml --seed 8 --workers 4
   evocity run my-recipe.toml --cluster local:4 --until 07:00
 
-A recipe is a TOML file; the run folder keeps a copy of it. Ctrl-C stops cleanly."""
-)
+A recipe is a TOML file; the run folder keeps a copy of it. Ctrl-C stops cleanly.""")
 @click.argument("recipe", metavar="[RECIPE]", default="demo")
 @option("--generations", "Number of generations. [the recipe's]", int)
-@option("--population", "Number of living individuals. [the recipe's]", int)
+@option("--population", "Number of individuals that live in each generation. [the recipe's]", int)
 @option(
     "--workers",
-    "Number of processes that evaluate births; 0 uses this process, without deadlines. "
-    "[the recipe's, else one a core]",
+    "Number of worker processes that evaluate births. With --workers 0, the command evaluates "
+    "births without worker processes and deadlines. [the recipe's, else one a core]",
     int,
 )
 @cluster_option("the recipe's")
@@ -42,21 +40,13 @@ A recipe is a TOML file; the run folder keeps a copy of it. Ctrl-C stops cleanly
     "Run folder to create; it must not exist. [runs/NAME of the recipe, else runs/NAME-2, …]",
     FILE,
 )
-def run(recipe, generations, population, workers, cluster, seed, until, out) -> None:
-    """Breed cities by RECIPE, and write every birth into a run folder.
+def run(recipe, out, **options) -> None:
+    """Breed cities according to RECIPE, and write every birth into a run folder.
 
-    Without a RECIPE, the command breeds the bundled demonstration, Lyon × Montpellier. RECIPE is a
-    TOML file. The command executes the Python files of measures that the recipe names. At the end
-    the command writes report.html into the run folder.
+    Without a RECIPE, the command runs the bundled demonstration, which breeds Lyon × Montpellier.
+    RECIPE is a TOML file. The command executes the Python files of measures that the recipe names.
+    At the end of the run, the command writes report.html into the run folder.
     """
-    options = {
-        "generations": generations,
-        "population": population,
-        "workers": workers,
-        "cluster": cluster,
-        "seed": seed,
-        "until": until,
-    }
     with blame_options(**options):
         chosen = evocity.read_recipe(recipe, **options)
     folder = _free_folder(chosen.default_out) if out is None else _check_new(out)
@@ -91,7 +81,7 @@ def _make_parent(parent: Path) -> None:
     except OSError as error:
         raise RunError(
             f"the folder {parent} cannot be created: {reason_of(error)}",
-            "a place this user may write to",
-            "name another folder with --out",
+            "a folder in which this user may create files",
+            "choose another run folder with --out",
         ) from error
     check_folder(parent)

@@ -5,7 +5,8 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.shared.checks import check_output, check_zoom
+from evocity.cli.shared.checks import check_needs, check_output, check_zoom
+from evocity.cli.shared.commands import command
 from evocity.cli.shared.inputs import (
     city_of,
     decode_genome,
@@ -33,14 +34,11 @@ from evocity.errors import EvocityError
 DETAIL = 2.2
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity scene lyon-1er -o lyon.city.json
   evocity scene lyon.parquet -o lyon.glb
   evocity scene runs/lyon-x-montpellier --id 97 -o bred.glb --angles square --storeys 3
-  evocity scene lyon.parquet -o level.glb --zoom 0.5 --zoom 1 --zoom 2"""
-)
+  evocity scene lyon.parquet -o level.glb --zoom 0.5 --zoom 1 --zoom 2""")
 @click.argument("what", metavar="MAP|GENOME|RUN")
 @output_option(
     "FILE",
@@ -48,66 +46,73 @@ Examples:
     "browsers), .obj (for Rhino), .wrl (VRML97), .x3d, .gpkg (footprints) or .png (a picture)",
 )
 @id_option
-@option("--tolerance detail METRES", "Length of the shortest piece of wall.", float, DETAIL)
-@option("--angles", "Directions of walls in a building.", click.Choice(["none", "square"]), "none")
+@option(
+    "--tolerance detail METRES", "Length of the shortest wall segment, in metres.", float, DETAIL
+)
+@option(
+    "--angles",
+    "Angles of corners: the value none allows any angle, and the value square makes right angles "
+    "where possible.",
+    click.Choice(["none", "square"]),
+    "none",
+)
 @option(
     "--storeys METRES",
-    "Height of a storey, to which heights are rounded. [heights as they are]",
+    "Height of a storey, in metres; building heights are rounded to whole storeys. [heights as "
+    "they are]",
     float,
 )
-@option("--least-area M2", "Smallest area of a separate building.", float, 0.0)
-@option("--zoom Z...", "Fractal zoom of a genome: above 1 finer, below 1 simpler. [1]", float)
-@option("--classes TOML", "Table of classes and their colours. [the seven of the papers]", FILE)
-@option("--library FOLDER", "Library of objects that replace buildings where they fit.", FILE)
-@option("--atmosphere WORDS", "Atmosphere of the objects of --library. [any]")
+@option("--least-area M2", "Smallest area of a separate building, in square metres.", float, 0.0)
 @option(
-    "--seed", "Seed of the random choice among objects of --library that fit equally.", WHOLE, 0
+    "--zoom Z...",
+    "Fractal zoom factor: values above 1 add detail, and values below 1 simplify the map. [1]",
+    float,
 )
-@flag("--streets", "Add streets: as surfaces, or as layers in a .gpkg.")
+@option(
+    "--classes TOML",
+    "TOML file with a table of building classes and their colours. [the seven of the papers]",
+    FILE,
+)
+@option("--library FOLDER", "Library whose objects replace buildings where the objects fit.", FILE)
+@option(
+    "--atmosphere WORDS", "Atmosphere of the objects that the command uses from --library. [any]"
+)
+@option(
+    "--seed", "Seed of the random choice between equally suitable objects of --library.", WHOLE, 0
+)
+@flag("--streets", "Add streets: as layers in a .gpkg file, as surfaces in all other files.")
 @option(
     "--colours",
-    "Meaning of roof colours in a .png. [classes with --classes, else heights]",
+    "Meaning of the roof colours in a .png picture. [classes with --classes, else heights]",
     click.Choice(["heights", "classes"]),
 )
-@option("--azimuth", "Direction of view of a .png, degrees clockwise from north. [25]", float)
-@option("--tilt", "Angle of view of a .png, degrees; 90 is a plan. [40]", click.FloatRange(1, 90))
-@option("--width", "Width of a .png, pixels. [900]", click.IntRange(16, 8192))
+@option(
+    "--azimuth", "Viewing direction of a .png picture, in degrees clockwise from north. [25]", float
+)
+@option(
+    "--tilt",
+    "Viewing angle of a .png picture, in degrees; an angle of 90 shows a plan. [40]",
+    click.FloatRange(1, 90),
+)
+@option("--width", "Width of a .png picture, in pixels. [900]", click.IntRange(16, 8192))
 @at_option
 @map_options
 @json_option
 def scene(
-    what: str,
-    output: Path,
-    identifier,
-    at,
-    detail,
-    angles,
-    storeys,
-    least_area,
-    zoom,
-    classes,
-    library,
-    atmosphere,
-    seed,
-    streets,
-    colours,
-    azimuth,
-    tilt,
-    width,
-    reading,
-    as_json,
-) -> None:
+    what: str, output: Path, identifier, at, detail, angles, storeys, least_area, zoom, classes,
+    library, atmosphere, seed, streets, reading, as_json, **drawn,
+) -> None:  # fmt: skip
     """Write a map in three dimensions: solids with floors, walls and flat roofs, on the ground.
 
-    MAP is a file or a bundled name, GENOME a genome file, and RUN a run folder with --id. Walls are
-    straight lines fitted to the pixels. With --angles square, the walls of a building follow its
-    one or two main directions. A building smaller than --least-area joins a neighbour; without a
-    neighbour it disappears. With several --zoom, the command writes a file for each zoom: level.glb
-    becomes level-z0.5.glb, level-z1.glb and so on.
+    MAP is a map file or the name of a bundled district, GENOME is a genome file, and RUN is a run
+    folder with --id. Walls are straight lines fitted to the pixels. With --angles square, the walls
+    of a building follow one or two main directions. A building smaller than --least-area is merged
+    with a neighbour, or removed if it has no neighbour. With several --zoom, the command writes one
+    file for each zoom factor, such as level-z0.5.glb and level-z1.glb for level.glb.
 
-    Coordinates are metres from the map's south-west corner. The file keeps the place of that
-    corner, the reference system and the attribution. The commands of evocity can read a .city.json
-    that this command wrote.
+    The coordinates in the file are metres from the map's south-west corner. The file contains the
+    coordinate reference system, the position of the map's corner in this system, and the
+    attribution. Other evocity commands can read a .city.json file that this command wrote.
     """
     import numpy as np
 
@@ -117,13 +122,8 @@ def scene(
     for source in filter(None, (what, classes, library and library / "objects.gpkg")):
         check_output(output, str(source))
     note_compiling()
-    how = {
-        "detail": detail,
-        "squared": angles == "square",
-        "storeys": storeys,
-        "least_area": least_area,
-    }
-    how |= {"measures": _measures(what, identifier), "streets": streets}
+    how = {"detail": detail, "squared": angles == "square", "storeys": storeys}
+    how |= {"least_area": least_area, "streets": streets, "measures": _measures(what, identifier)}
     if classes is not None:
         from evocity.views.classes import ClassTable
 
@@ -133,18 +133,14 @@ def scene(
 
         objects = Library.read(library)
         how["library"] = objects if atmosphere is None else objects.of_atmosphere(atmosphere)
-    elif atmosphere is not None:
-        raise EvocityError(
-            "--atmosphere without --library",
-            "--atmosphere with --library",
-            "add --library FOLDER, or leave --atmosphere out",
-        )
-    drawn = {"colours": colours, "azimuth": azimuth, "tilt": tilt, "width": width}
+    check_needs("--atmosphere", "--library", atmosphere is not None and library is None)
     drawn = {name: value for name, value in drawn.items() if value is not None}
     if drawn and check_suffix(output) != ".png":
         name = f"--{next(iter(drawn))}"
         raise EvocityError(
-            f"{name} does not fit the output {output.name}", "an output .png", f"leave {name} out"
+            f"{name} cannot be used with the output {output.name}",
+            "an output file whose name ends in .png",
+            f"leave {name} out",
         )
     if classes is not None and check_suffix(output) == ".png":
         drawn = {"colours": "classes"} | drawn
@@ -171,8 +167,8 @@ def _levels(what: str, reading, identifier, zooms: tuple[float, ...], output: Pa
         return
     if not is_code(what):
         raise EvocityError(
-            f"--zoom does not fit the map {what}",
-            "a genome, whose code makes the detail",
+            f"--zoom cannot be used with the map {what}",
+            "a genome, because only genomes can be decoded at another zoom",
             f"encode the map first: evocity encode {what} -o GENOME.parquet",
         )
     from evocity.scene import suffix_of
@@ -186,9 +182,10 @@ def _levels(what: str, reading, identifier, zooms: tuple[float, ...], output: Pa
     named = {f"{zoom:g}": zoom for zoom in zooms}
     if len(named) < len(set(zooms)):
         raise EvocityError(
-            f"--zoom {' --zoom '.join(map(str, zooms))}: two levels would have the same file name",
-            "levels that differ in their first six digits",
-            "leave one of them out",
+            f"--zoom {' --zoom '.join(map(str, zooms))}: two zoom factors would have the same file"
+            " name",
+            "zoom factors that differ in their first six digits",
+            "leave out one of these zoom factors",
         )
     for name, zoom in sorted(named.items(), key=lambda level: level[1]):
         path = output.with_name(f"{stem}-z{name}{suffix}") if len(named) > 1 else output
@@ -243,11 +240,7 @@ def _facts(path: Path, made) -> dict:
         "buildings": len(walls),
         "triangles": {group.name: len(group.mesh.triangles) for group in made.groups},
         "volume": float(sum(group.volume for group in made.groups)),
-        "walls": {
-            "fitted": walls.fitted,
-            "simplified": walls.simplified,
-            "stairs": walls.stairs,
-        },
+        "walls": {key: getattr(walls, key) for key in ("fitted", "simplified", "stairs")},
         "dropped": walls.dropped,
         "classes": made.classes.counts,
         "substitution": made.substitution.counts if made.substitution else None,

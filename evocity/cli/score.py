@@ -10,6 +10,7 @@ from dataclasses import replace
 import click
 
 import evocity
+from evocity.cli.shared.commands import command
 from evocity.cli.shared.inputs import (
     case_of,
     city_of,
@@ -34,48 +35,49 @@ from evocity.errors import EvocityError, FitnessError, plain_text
 _FORMULA = ("=", "+", "-", "@", "＝", "＋", "－", "＠")
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity score lyon-1er
   evocity score bred.parquet --fitness gsi --fitness my_measure.py --json
   evocity score lyon-1er cape-town-salt-river lyon.parquet --csv
   evocity score runs/lyon-x-montpellier --id 97 --id 12
   evocity score bred.parquet --fitness fabric_distance --reference lyon-1er
 
-`evocity fitness new` begins a measure of your own."""
-)
+`evocity fitness new` begins a measure of your own.""")
 @click.argument("maps", metavar="MAP|GENOME|RUN...", nargs=-1, required=True)
-@ids_option("several of one run, or one for each run among the maps, in their order")
+@ids_option(
+    "Give several --id for one run folder, or one --id for each run folder, in the order of the "
+    "folders"
+)
 @option(
     "--fitness words NAME|FILE.py|FILE.toml...",
-    "Measure: a name, a Python file (executed) or a table of building types. "
-    "[all of `evocity fitness list`]",
+    "Measure to compute: a name, a Python file (the command executes it) or a table of building "
+    "types. [all of `evocity fitness list`]",
 )
 @option(
     "--reference references MAP|GENOME...",
-    "City to compare with. [the source cities of an individual of a run]",
+    "City with which measures compare the maps. [the source cities of an individual of a run]",
 )
 @option(
     "--within FILE",
-    "Footprints, or a raster of values above 0, of the part to measure. [the whole map]",
+    "File that marks the part of the map to measure, with footprints or with raster values above "
+    "0. [the whole map]",
 )
 @map_options
 @json_option
-@flag("--csv as_csv", "Print only CSV, a row for each map.")
+@flag("--csv as_csv", "Print only CSV, with a row for each map.")
 def score(maps, identifiers, words, references, within, reading, as_json, as_csv) -> None:
     """Measure maps, and print the values.
 
-    Each MAP is a map file or the name of a bundled district. A MAP may also be a genome file, or a
-    run folder with --id; the command decodes these first. Measures that need the genome, the
-    parents or the sources of a city apply only to individuals of runs, and only to whole maps.
-    Measures that compare cities use --reference. Several references count equally, and are read
-    with the same options as the maps.
+    Each MAP is a map file or the name of a bundled district. A MAP can be a genome file, or a run
+    folder with --id: the command first decodes the genome. Measures of genomes, parents or source
+    cities apply only to individuals of runs, and only to whole maps. Measures that compare two
+    cities use the reference city from --reference. Several references have equal weight. The
+    command reads references with the same options as the maps.
 
-    JSON: for each measure, its value; null where the measure is undefined. For several maps, the
-    JSON has such an object for each map, under the name of the map. CSV: a column per measure,
-    empty where the measure is undefined. If the name of a map begins with =, +, - or @, an
-    apostrophe before the name keeps spreadsheets from reading a formula.
+    The JSON document has the value of each measure; null means that the measure is undefined. For
+    several maps, the JSON document has one object of values for each map, under the map's name. The
+    CSV document has a column for each measure; the cell of an undefined value is empty. A map name
+    that begins with =, +, - or @ gets an apostrophe, so that spreadsheets do not read a formula.
     """
     if as_json and as_csv:
         raise click.UsageError("--json and --csv: leave one out, only one document fits")
@@ -86,9 +88,9 @@ def score(maps, identifiers, words, references, within, reading, as_json, as_csv
         if references and not any("reference" in measure.takes for measure in measures):
             names = ", ".join(measure.name for measure in measures)
             raise EvocityError(
-                f"--reference is given, but {names} compare no cities",
-                "a measure that compares cities, such as fabric_distance",
-                "leave --reference out",
+                f"--reference is given, but no measure compares cities: {names}",
+                "at least one measure that compares cities, such as fabric_distance",
+                "leave out --reference, or add such a measure with --fitness",
             )
         read_any = any(not is_code(source) for source, _ in sources)
         cases = {
@@ -179,11 +181,7 @@ _NO_REFERENCE = "it needs a city to compare with: --reference CITY"
 
 
 def _value(measure, case, by_name: bool, part=None) -> float:
-    """The value of ``measure``, on the ``part`` if there is one.
-
-    It is undefined for a map without the genome, the parents or the sources that the measure needs.
-    If the user named the measure ``by_name`` for that map alone, the error is raised.
-    """
+    """The value of ``measure``, undefined if the case lacks what it needs, unless ``by_name``."""
     if part is not None:
         return _value_within(part, measure, case, by_name)
     if by_name or case.serves(measure):
@@ -247,7 +245,6 @@ def _print_csv(table, names: list[str]) -> None:
 
 
 def _cell(text: str) -> str:
-    """``text`` as a cell of CSV: with an apostrophe before what a spreadsheet takes for a formula,
-    as OWASP advises."""
+    """``text`` as a cell of CSV, with an apostrophe before a formula, as OWASP advises."""
     text = plain_text(text)
     return f"'{text}" if text.startswith(_FORMULA) else text

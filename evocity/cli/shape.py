@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from evocity.cli.shared.checks import replace_file
+from evocity.cli.shared.commands import command
 from evocity.cli.shared.options import json_option, option
 from evocity.cli.shared.terminal import echo, print_json, warn
 from evocity.errors import EvocityError
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 @click.group()
 def shape() -> None:
-    """Shapes made from a few numbers, without a city: draw, measure, count and morph them.
+    """Draw, measure, count and morph fractal shapes without a city.
 
     NAME is sierpinski, koch, dragon, levy, carpet, fern or menger; FILE is a JSON file that
     `evocity.shapes.write_shape` wrote.
@@ -26,55 +27,50 @@ def shape() -> None:
 
 _output = option(
     "-o --output PNG|SVG|GLB",
-    "File to write; overwritten if it exists. SVG and GLB need --depth.",
+    "File to write; an existing file is overwritten. An SVG or GLB file needs --depth.",
     click.Path(path_type=Path, dir_okay=False),
     required=True,
 )
-_side = option("--side", "Side of the picture, pixels.", click.IntRange(8, 8192), 512)
+_side = option("--side", "Side of the picture, in pixels.", click.IntRange(8, 8192), 512)
 _depth = option(
     "--depth",
-    "Number of maps that are applied in sequence. [until pieces are a pixel]",
+    "Depth of the recursion: the number of affine maps that are applied in sequence. [until pieces"
+    " are a pixel]",
     click.IntRange(0, 63),
 )
 
 
-@shape.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity shape show koch -o koch.png
   evocity shape show dragon --depth 10 -o dragon.svg
   evocity shape show menger --depth 2 -o menger.glb
-  evocity shape show mine.json --side 1024 -o mine.png"""
-)
+  evocity shape show mine.json --side 1024 -o mine.png""")
 @click.argument("name", metavar="NAME|FILE")
 @_output
 @_side
 @_depth
 def show(name: str, output: Path, side: int, depth: int | None) -> None:
-    """Draw a shape: in the plane as a picture, in space as solids in GLB."""
+    """Draw a plane shape as a picture, or a shape in space as solids in a GLB file."""
     _draw(_read_shape(name), output, side, depth)
     size = "" if output.suffix.lower() == ".glb" else f", {side} × {side} px"
     echo(f"{output}: {name}{size}")
 
 
-@shape.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity shape dimension koch
-  evocity shape dimension carpet --json"""
-)
+  evocity shape dimension carpet --json""")
 @click.argument("name", metavar="NAME|FILE")
-@option(
-    "--side", "Largest side of the raster, pixels. [4096, in space 256]", click.IntRange(64, 8192)
-)
+@option("--side", "Largest raster side, in pixels. [4096, in space 256]", click.IntRange(64, 8192))
 @json_option
 def dimension(name: str, side: int | None, as_json: bool) -> None:
-    """Print two dimensions of a shape: one from its maps, and one by counting boxes.
+    """Print two dimensions of a shape: one from its affine maps, and one from box counting.
 
-    The dimension from the maps and their language is exact if all maps are similarities and pieces
-    do not overlap; for other shapes it is unknown. The boxes are cells of a raster.
+    The dimension from the affine maps is exact if all affine maps are similarities and pieces do
+    not overlap. If pieces overlap, the exact dimension of a shape is unknown. Box counting uses the
+    cells of a raster as boxes.
 
-    JSON keys: dimension (from the maps; null if unknown), boxes (by counting boxes).
+    The JSON document has the keys "dimension" (from the affine maps; null if unknown) and "boxes"
+    (from box counting).
     """
     from evocity.shapes import ShapeError, box_dimension, dimension_of
 
@@ -93,45 +89,44 @@ def dimension(name: str, side: int | None, as_json: bool) -> None:
     echo(f"by {sides}: {boxes.dimension:.4f}")
 
 
-@shape.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity shape count koch --depth 6
-  evocity shape count mine.json --depth 400 --json"""
-)
+  evocity shape count mine.json --depth 400 --json""")
 @click.argument("name", metavar="NAME|FILE")
 @option(
     "--depth",
-    "Number of maps that are applied in sequence.",
+    "Depth of the recursion: the number of affine maps that are applied in sequence.",
     click.IntRange(0, 10000),
     required=True,
 )
 @json_option
 def count(name: str, depth: int, as_json: bool) -> None:
-    """Print the exact number of pieces of a shape at a depth, without drawing them.
+    """Print the exact number of pieces of a shape at a given depth, without drawing the shape.
 
-    JSON keys: count.
+    The JSON document has the key "count".
     """
     pieces = _read_shape(name).count(depth)
     print_json({"count": pieces}) if as_json else echo(f"{pieces}")
 
 
-@shape.command(
-    epilog="""\b
-Examples:
-  evocity shape morph koch levy -t 0.5 -o between.png"""
-)
+@command("""
+  evocity shape morph koch levy -t 0.5 -o between.png""")
 @click.argument("first", metavar="NAME|FILE")
 @click.argument("last", metavar="NAME|FILE")
-@option("-t", "Position between the shapes, from 0 to 1.", click.FloatRange(0, 1), required=True)
+@option(
+    "-t",
+    "Position of the drawn shape, from the first shape (0) to the last shape (1).",
+    click.FloatRange(0, 1),
+    required=True,
+)
 @_output
 @_side
 @_depth
 def morph(first: str, last: str, t: float, output: Path, side: int, depth: int | None) -> None:
-    """Draw a shape between two other shapes.
+    """Draw an intermediate shape between two given shapes.
 
-    Connected lines stay connected. If the two shapes have different numbers of maps, the command
-    prints which map becomes which.
+    Lines that are connected in both shapes stay connected in every shape between these two. If the
+    shapes have different numbers of affine maps, the command prints how it pairs the affine maps.
     """
     from evocity.shapes import metamorphosis
 
@@ -163,7 +158,11 @@ def _draw(drawn: "Shape", output: Path, side: int, depth: int | None) -> None:
         raise EvocityError(f"the output {output}", expected, "choose another name after -o")
     if suffix != ".png" and depth is None:
         name = suffix[1:].upper()
-        raise EvocityError(f"{name} without --depth", "a depth", "add --depth, for example 6")
+        raise EvocityError(
+            f"a file in the format {name} needs a depth, but --depth is missing",
+            "the option --depth with a number of recursions",
+            "add --depth, for example --depth 6",
+        )
     with replace_file(output) as temporary:
         if suffix == ".png":
             picture_of(drawn, side, depth).save(temporary, "PNG")
@@ -171,3 +170,7 @@ def _draw(drawn: "Shape", output: Path, side: int, depth: int | None) -> None:
             temporary.write_bytes(glb_of(drawn, depth))
         else:
             temporary.write_text(svg_of(drawn, depth, side), encoding="utf-8")
+
+
+for _command in (show, dimension, count, morph):
+    shape.add_command(_command)

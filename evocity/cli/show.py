@@ -5,7 +5,8 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.shared.checks import check_output, replace_file
+from evocity.cli.shared.checks import check_needs, check_output, replace_file
+from evocity.cli.shared.commands import command
 from evocity.cli.shared.inputs import city_of, decode_genome, fabric_in, genome_of, refuse_reading
 from evocity.cli.shared.options import (
     count_option,
@@ -27,46 +28,55 @@ _COUNTS = {
 }
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity show lyon-1er -o lyon.png
+  evocity show lyon-1er --plan -o plan.png
   evocity show runs/lyon-x-montpellier -o bred.png
   evocity show runs/lyon-x-montpellier --id 97 -o one.png
   evocity show runs/lyon-x-montpellier --id 97 --id 12 --id 40 -o sheet.png
   evocity show runs/lyon-x-montpellier --id 97 --ancestry -o whose.png
   evocity show lyon.parquet --leaves -o leaves.png
-  evocity show lyon.parquet --usage -o calls.png"""
-)
+  evocity show lyon.parquet --usage -o calls.png""")
 @click.argument("what", metavar="MAP|GENOME|RUN")
 @output_option("PNG", "Picture to write")
-@ids_option("several give a contact sheet")
-@flag("--leaves", "Draw the borders of a genome's range blocks, over its map.")
-@flag("--usage", "Draw how often a genome's code calls each pixel.")
+@ids_option("With several --id, the picture is a contact sheet")
+@flag("--plan", "Draw the faces between the streets of a map.")
+@flag("--leaves", "Draw the borders of a genome's range blocks over the map.")
+@flag("--usage", "Draw how often the genome copies each pixel of its map.")
 @count_option
-@flag("--ancestry", "Draw the source city of each pixel of a genome.")
-@option("--depth", "Number of domain blocks that --ancestry traces back. [the limit]", int)
+@flag("--ancestry", "Draw the source city of each pixel in the map of a genome.")
+@option(
+    "--depth",
+    "Number of domain blocks that --ancestry follows back from each range block. [without limit]",
+    int,
+)
 @map_options
 def show(
-    what: str, output: Path, identifiers, leaves, usage, count, ancestry, depth, reading
+    what: str, output: Path, identifiers, plan, leaves, usage, count, ancestry, depth, reading
 ) -> None:
-    """Draw a map, the map of a genome, or the best of a run.
+    """Draw a picture of a map, of a decoded genome, or of the best individuals of a run.
 
     Pictures have a colour scale of heights in metres, a scale bar and the attribution of the
-    sources. For a run folder, the picture shows the parents and the best of the last generation
-    side by side. With --id, the picture shows one individual, or several with their scores. For a
-    run of map_elites, the picture shows the grid: in each filled cell, the map of the best birth.
+    sources. For a run folder, the picture shows the parents and the best individuals of the last
+    generation side by side. With --id, the picture shows one individual, or several individuals
+    with their scores. For a run with the algorithm map_elites, the picture shows the grid, with the
+    best map in each filled cell.
 
-    --leaves, --usage and --ancestry draw the code of a genome over its map. With --ancestry --depth
-    0, each pixel shows the source city of its range block.
+    With --plan, the picture shows the faces between the streets, and the lots of their buildings. A
+    cross in each face shows the directions of its walls.
+
+    The options --leaves, --usage and --ancestry draw properties of a genome over its map. With
+    --ancestry --depth 0, each pixel shows the source city of its range block.
     """
-    flags = {"--leaves": leaves, "--usage": usage, "--ancestry": ancestry}
+    flags = {"--plan": plan, "--leaves": leaves, "--usage": usage, "--ancestry": ancestry}
     parts = [name for name, given in flags.items() if given]
     _check_options(parts, count, depth)
     check_output(output, what, {".png"})
     several = len(identifiers) > 1 and not parts
     identifier = None if several else one_id(identifiers)
-    if parts:
+    if plan:
+        _show_plan(city_of(what, reading, identifier), output)
+    elif parts:
         refuse_reading(parts[0], reading)
         genome = fabric_in(genome_of(what, identifier), what)
         if leaves:
@@ -90,12 +100,21 @@ def _check_options(parts: list[str], count: str | None, depth: int | None) -> No
         raise EvocityError(
             " and ".join(parts), "one of these options", "make one picture after the other"
         )
-    if count is not None and "--usage" not in parts:
-        raise EvocityError("--count without --usage", "--count with --usage", "add --usage")
-    if depth is not None and "--ancestry" not in parts:
-        raise EvocityError(
-            "--depth without --ancestry", "--depth with --ancestry", "add --ancestry"
-        )
+    check_needs("--count", "--usage", count is not None and "--usage" not in parts)
+    check_needs("--depth", "--ancestry", depth is not None and "--ancestry" not in parts)
+
+
+def _show_plan(city, output: Path) -> None:
+    import numpy as np
+
+    from evocity.io import write_faces
+    from evocity.operators.plans import plan_of
+    from evocity.pictures import Faces
+
+    plan = plan_of(city)
+    angles = np.where(plan.open, np.nan, plan.angle)
+    write_faces(Faces(city, plan.labels, plan.lots, plan.centre, angles), output)
+    echo(f"{len(plan)} faces between streets, {np.count_nonzero(plan.open)} of them open")
 
 
 def _show_leaves(genome, city, output: Path) -> None:

@@ -8,6 +8,7 @@ import click
 
 import evocity
 from evocity.cli.shared.checks import check_output
+from evocity.cli.shared.commands import command
 from evocity.cli.shared.options import json_option, output_option
 from evocity.cli.shared.terminal import echo, print_json, print_table
 from evocity.errors import EvocityError
@@ -22,39 +23,39 @@ _PACE = 8
 _MOST_SECONDS = 1e9
 
 
-@click.command(
-    epilog="""\b
-Example:
-  evocity status runs/lyon-x-montpellier --json"""
-)
+@command("""
+  evocity status runs/lyon-x-montpellier --json""")
 @click.argument("run", metavar="RUN")
 @json_option
 def status(run: str, as_json: bool) -> None:
     """Print the state of the run in the folder RUN.
 
-    The command is safe while RUN goes on: it changes nothing, and reads only whole generations. The
-    command lists the numbers of individuals on the front, for --id of decode, score and show;
-    --json lists the whole front. The hypervolume is relative to the first population of RUN. So the
-    hypervolume shows how much a run improves, but cannot compare two runs.
+    You can use this command while the run is in progress: it changes nothing, and reads only
+    complete generations. The command lists the ids of individuals on the front, for the option --id
+    of decode, score and show. With --json, the command lists all individuals on the front. The
+    hypervolume is relative to the first population of the run. The hypervolume shows how much a run
+    improves, but cannot compare two runs.
 
-    JSON keys: generation (the last whole generation; null before the first); births; failures;
-    hypervolume; best (by measure, the best value among the living, without constraints); algorithm
-    (figures of the algorithm about the living; for map_elites coverage, cells and qd_score);
-    islands (only in a run with islands; by name: living, feasible, and hypervolume, best and
-    algorithm for the goals of the island, while the keys above are for all islands and all goals);
-    parents (by source city, the values of its code for these measures; null without a value);
-    evaluations_per_second; finished; stopped (why the run ended early, in words; null while it goes
-    on); running (whether a process works on the run); seconds_left (an estimate while the run is
-    running, else null); front (numbers of all individuals on the front of the last generation);
-    picked (numbers of the picks, see `evocity pick`); picks_share (the share of births whose first
-    parent is a pick); weights (by name, those that `evocity reweight` set); waiting (commands that
-    are not yet executed, in words); refused (refused commands: generation and reason); evaluation
-    (engine, workers and cluster of the last births; null in runs of older releases); differs
-    (births that changed when the run replayed them: generation, id, differs as in `evocity
-    replay`).
+    The JSON document has, among others, the keys "generation" (the last complete generation),
+    "births", "failures", "hypervolume", "finished", "running", "seconds_left" and
+    "evaluations_per_second". The key "stopped" says why the run ended early. The key "best" has the
+    best value of each goal among the living individuals. The key "algorithm" has figures of the
+    search algorithm, for example coverage, cells and qd_score for map_elites. For each island, the
+    key "islands" has the keys "living", "feasible", "hypervolume", "best" and "algorithm" for
+    the goals of the island. For each measure in the key "best", the key "parents" has the values of
+    the source cities. The key "front" has the ids of all individuals on the front of the last
+    generation. The keys "picked", "picks_share" and "weights" have the effects of `evocity pick`
+    and `evocity reweight`. The key "waiting" lists commands that the run has not executed yet. The
+    key "refused" lists commands that the run refused. The key "evaluation" has the keys "engine",
+    "workers" and "cluster" for the last births. The key "differs" lists births whose results
+    changed when the run replayed these births. The key "damaged" lists files of the log that are
+    damaged or missing. Values that are unknown are null.
     """
+    from evocity.store.lock import is_held
+
     opened = evocity.open_run(run)
-    held = _is_held(opened)  # before the state: a run that ends in between does not go on
+    # before the state: a run that ends in between does not go on
+    held = is_held(opened.path / "lock")
     state = opened.status()
     running = held and not state["finished"]
     left = _seconds_left(opened) if running else None
@@ -78,6 +79,7 @@ def status(run: str, as_json: bool) -> None:
     if as_json:
         more = {"parents": parents, "running": running, "seconds_left": left, "front": front}
         more |= steering | {"evaluation": _engine(opened), "differs": differing(opened)}
+        more |= {"damaged": _damaged(opened, held)}
         print_json(state | {"best": best} | more)
         return
     planned = planned_generations(opened)
@@ -85,6 +87,7 @@ def status(run: str, as_json: bool) -> None:
     failed = failures(opened) if whole else []
     rows = [
         ("finished", _describe_state(run, state, running, left, ranks)),
+        *_damage_rows(_damaged(opened, held), run),
         ("generation", _format(state["generation"]) + (of_planned if whole else "")),
         ("births", _format(state["births"])),
         ("failures", _format(state["failures"])),
@@ -101,6 +104,20 @@ def status(run: str, as_json: bool) -> None:
         *([("evaluated by", _describe_engine(_engine(opened)))] if _engine(opened) else []),
     ]
     print_table(rows)
+
+
+def _damaged(opened, held: bool) -> list[str]:
+    """The files of the log that are damaged, follow damaged ones, or are missing."""
+    # a run that is being written may lack a file for a moment
+    paths = [*opened.damaged, *(() if held else opened.missing)]
+    return [path.relative_to(opened.path).as_posix() for path in paths]
+
+
+def _damage_rows(names: list[str], run: str) -> list[tuple[str, str]]:
+    if not names:
+        return []
+    more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+    return [("damaged", f"{names[0]}{more}; to repair: evocity resume {run} --set-aside")]
 
 
 def _island(state: dict) -> str:
@@ -126,12 +143,6 @@ def _describe_engine(engine: dict) -> str:
     return (
         f"{place}, {count} worker process{'' if count == 1 else 'es'}" if count else "this process"
     )
-
-
-def _is_held(opened) -> bool:
-    from evocity.store.lock import is_held
-
-    return is_held(opened.path / "lock")
 
 
 def _ranks(opened, generation: int) -> dict[int, int]:
@@ -181,8 +192,7 @@ def _bounds(opened) -> str:
 
 
 def _parents(opened, measures) -> dict[str, dict[str, float | None]]:
-    """The values of each source city's code, by the ``measures``; empty for a run without its first
-    births."""
+    """The values of each source city's code, by the ``measures``; empty without first births."""
     from evocity.analysis.births import source_births
 
     cities = opened.header.cities
@@ -262,19 +272,16 @@ def _format(value) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity report runs/lyon-x-montpellier
-  evocity report runs/lyon-x-montpellier -o so-far.html"""
-)
+  evocity report runs/lyon-x-montpellier -o so-far.html""")
 @click.argument("run", metavar="RUN")
 @output_option("HTML", "Page to write", required=False, default="report.html in RUN")
 def report(run: str, output: Path | None) -> None:
-    """Write the report of the run in the folder RUN, and print its path.
+    """Write the report of the run in the folder RUN, and print the path of the report.
 
-    The run may be finished, stopped or still going on: the report covers all its whole generations.
-    The command changes nothing else in RUN, and executes nothing in it.
+    The run may be finished, stopped or in progress; the report covers all its complete generations.
+    Apart from writing the report, the command changes and executes nothing in the run folder.
     """
     from evocity.report import write_report
 

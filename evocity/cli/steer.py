@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from evocity.cli.shared.commands import command
 from evocity.cli.shared.options import flag, option
 from evocity.cli.shared.terminal import echo
 from evocity.errors import EvocityError, spell
@@ -11,13 +12,10 @@ from evocity.errors import EvocityError, spell
 _RUN = click.argument("run", metavar="RUN", type=click.Path(path_type=Path))
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity pick runs/tonight 97 103
   evocity pick runs/tonight 211 --share 0.8
-  evocity pick runs/tonight --clear"""
-)
+  evocity pick runs/tonight --clear""")
 @_RUN
 @click.argument("ids", metavar="[ID]...", nargs=-1, type=click.IntRange(min=0))
 @option(
@@ -26,27 +24,27 @@ Examples:
     "[unchanged, else [search] picks of the recipe, 0.5]",
     float,
 )
-@flag("--clear", "Drop the picks with these IDs; without an ID, drop all picks.")
+@flag("--clear", "Remove the picks with the given IDs; without an ID, remove all picks.")
 def pick(run: Path, ids: tuple[int, ...], share: float | None, clear: bool) -> None:
-    """Also breed from the individuals ID of RUN, even if the algorithm would not choose them.
+    """Use the individuals ID of RUN as parents, even if the algorithm would not choose them.
 
-    The picks become parents from the next generation on, until you clear them. In a stopped or
-    finished run, picks become parents when you resume the run. Earlier picks stay. The log records
-    every pick, so a resumed run breeds the same births.
+    The picks become parents from the next generation on, until you clear them. If the run is
+    stopped or finished, picks become parents when you resume the run. Earlier picks stay. The log
+    records every pick, so a resumed run breeds the same births.
     """
     from evocity.search.record import commands
 
     if clear and share is not None:
         raise EvocityError(
             "--share cannot be combined with --clear",
-            "one of the two options",
-            "leave one of them out",
+            "only one of the options --share and --clear",
+            "leave out one of the two options",
         )
     if not ids and not clear:
         raise EvocityError(
-            "no ID is given to pick",
-            "one or more ids of births, or --clear",
-            f"take ids from the front: evocity status {run}",
+            "the command received neither the id of an individual nor --clear",
+            "the ids of one or more individuals, or the option --clear",
+            f"choose individuals that this command lists: evocity status {run}",
         )
     if clear:
         command = commands.Unpick(ids=ids)
@@ -57,21 +55,19 @@ def pick(run: Path, ids: tuple[int, ...], share: float | None, clear: bool) -> N
     _print(command.words, run, going)
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity reweight runs/tonight quarter_fusion=2 height_scaling=3
-  evocity reweight runs/tonight crumbs=0.5"""
-)
+  evocity reweight runs/tonight crumbs=0.5""")
 @_RUN
 @click.argument("weights", metavar="NAME=WEIGHT...", nargs=-1, required=True)
 def reweight(run: Path, weights: tuple[str, ...]) -> None:
-    """Change the weights of operators of RUN, or of measures in a sum.
+    """Change weights in a run: the weights of operators, or of measures that are summed to one
+    goal.
 
-    NAME is an operator in the recipe, or a measure that has a weight or an objective in the recipe.
-    The WEIGHT of an operator may be 0. The new weights apply to all living individuals from the
-    next generation on. In a stopped or finished run, the new weights apply when you resume the run.
-    The log records every change.
+    NAME is the name of an operator, or of a measure for which the recipe has the key weight or
+    objective. The WEIGHT of an operator may be 0. The new weights apply to all living individuals
+    from the next generation on. In a stopped or finished run, the new weights apply when you resume
+    the run. The log records every change.
     """
     from pydantic import ValidationError
 
@@ -85,13 +81,14 @@ def reweight(run: Path, weights: tuple[str, ...]) -> None:
     _print(command.words, run, commands.send(run, command))
 
 
-@click.command(epilog="\b\nExample:\n  evocity stop runs/tonight")
+@command("""
+  evocity stop runs/tonight""")
 @_RUN
 def stop(run: Path) -> None:
     """Stop RUN after its current generation.
 
-    The process that breeds the run writes the report, and ends as if the run were finished. Later,
-    `evocity resume` continues the run, with the same births as without a stop.
+    The process that breeds the run writes the report, and ends as if the run were finished. The
+    command `evocity resume` continues a stopped run, with the same births as without the stop.
     """
     from evocity.search.record import commands
 

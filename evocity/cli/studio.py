@@ -1,37 +1,40 @@
 """`evocity studio`: runs in the browser."""
 
-import threading
-import webbrowser
 from pathlib import Path
 
 import click
 
 import evocity
+from evocity.cli.shared.commands import command
 from evocity.cli.shared.inputs import measures_of
 from evocity.cli.shared.options import FILE, flag, json_option, option
-from evocity.cli.shared.terminal import echo, print_json, quiet_stdout
+from evocity.cli.shared.terminal import echo, note, print_json, quiet_stdout
 from evocity.errors import FitnessError
 
 
-@click.command(
-    epilog="""\b
-Examples:
+@command("""
   evocity studio
   evocity studio runs/lyon-x-montpellier
   evocity studio runs/tonight runs/last-night
-  evocity studio --runs runs --port 8400 --no-browser"""
-)
+  evocity studio --runs runs --port 8400 --no-browser""")
 @click.argument("run", metavar="[RUN]...", nargs=-1)
 @option(
-    "--runs folder FOLDER", "Folder of the runs to show, and of new runs. [runs, without a RUN]"
+    "--runs folder FOLDER",
+    "Folder of the runs that studio shows, and of the new runs that studio saves. [runs, without "
+    "a RUN]",
 )
 @option(
     "--fitness words FILE.py|FILE.toml...",
-    "Python file of measures (executed), or table of building types, that the desk offers.",
+    "Measures that the desk offers: a Python file (studio executes it) or a table of building "
+    "types.",
 )
-@option("--recipe FILE.toml", "Recipe that the desk offers; its measures are executed.", FILE)
-@option("--port", "Port of the page. [any free port]", click.IntRange(0, 65535), 0)
-@flag("--no-browser", "Print the address, but open no browser.")
+@option(
+    "--recipe FILE.toml",
+    "Recipe that the desk offers; studio executes the measures of the recipe.",
+    FILE,
+)
+@option("--port", "Network port of the page. [any free port]", click.IntRange(0, 65535), 0)
+@flag("--no-browser", "Print the address without opening a browser.")
 @json_option
 def studio(
     run: tuple[str, ...],
@@ -42,26 +45,29 @@ def studio(
     no_browser: bool,
     as_json: bool,
 ) -> None:
-    """Show the runs in the folders RUN in a browser: all births, live, with a common filter.
+    """Show all births of one or more runs in a browser, live, with a common filter.
 
-    Without a RUN, studio opens its desk. At the desk you choose cities or files of footprints,
-    choose measures, and start a run. With a RUN, a button opens the desk.
+    Without a RUN, studio opens the desk, a page to prepare a run. The desk is a page where you
+    choose cities or footprint files, choose measures, and start a run. With a RUN, a button on the
+    page opens the desk.
 
-    The page shows one run, or two side by side: pictures, parallel coordinates, pedigrees, picks
-    with notes, and children of picks. The page also saves births as files. A shown run may still be
-    running: studio only reads the run, and saves only your picks beside its births. A run that you
-    start in studio goes on when studio ends. New runs go into the folder --runs, or else beside the
-    first RUN.
+    For one run, or two runs side by side, the page shows pictures, parallel coordinates, pedigrees,
+    picks with notes, and children of picks. The page can save births as files. You can open a run
+    that is still in progress: studio reads the births, and writes only your picks. A run that you
+    start in studio continues when studio ends. New runs are saved in the folder --runs, or beside
+    the first RUN if --runs is missing.
 
     Only you can open the page, and only on this machine: its address contains a secret token.
-    Ctrl-C ends studio. The command needs the extra studio: pip install 'evocity[studio]'.
+    Ctrl-C ends studio. The command needs additional packages: pip install 'evocity[studio]'.
 
-    JSON keys: url (the address with its token); the document is a single line.
+    The JSON document is a single line. The key "url" of the document has the address of the page,
+    including the token.
     """
-    from evocity.analysis.optional_libraries import library
+    from evocity.lazy_imports import library
 
     for name in ("starlette", "uvicorn"):
         library(name, "studio", "studio")
+    from evocity.recipe.values import describe_reach
     from evocity.studio.desk_routes import StudioOptions
     from evocity.studio.server import serve
 
@@ -71,7 +77,8 @@ def studio(
     with quiet_stdout():
         files = [(file, _measures(file)) for file in words]
         if recipe is not None:
-            evocity.read_recipe(recipe)
+            for text in describe_reach(evocity.read_recipe(recipe).evaluation.cluster):
+                note(text)
     into = None if folder is None else Path(folder)
     options = StudioOptions(into, fresh, files, None if recipe is None else recipe.absolute())
 
@@ -81,10 +88,8 @@ def studio(
         else:
             echo(f"studio: {url}\nCtrl-C ends it.")
         click.get_text_stream("stdout").flush()
-        if not no_browser:
-            threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
-    serve(run, port, began, options)
+    serve(run, port, began, options, browse=not no_browser)
 
 
 def _measures(file: str) -> list:
@@ -93,5 +98,5 @@ def _measures(file: str) -> list:
     raise FitnessError(
         f"--fitness {file} is not a file of measures",
         "a Python file of measures, or a table of building types in TOML",
-        "leave --fitness out: the desk offers evocity's own measures without a file",
+        "leave out --fitness, because the desk always offers evocity's own measures",
     )

@@ -61,14 +61,11 @@ def shared_extents(dy, dx, side, least, tall, wide, layer):
 
 @kernel
 def walks(which, top, left, side, y, x, tall, wide, layer, iso, affine, rows, columns, walk):
-    """walk[k], (m, 5), gets the sources of the range block's pixels of lifs which[k], which has a
-    domain block, in the stack of box-mean layers, maps of ``rows`` × ``columns``: the flat index of
-    the range block's first pixel, its side, the flat index in the layers of the first pixel's
-    source, and the steps there for a row down and for a column on.
-
-    ``side`` are the range blocks', ``tall`` and ``wide`` the pixels averaged into one; ``affine``
-    (8, 6) is `isometries.AFFINE`, the source of each pixel in its block under an isometry.
-    """
+    """walk[k], (m, 5), gets the sources of the range block's pixels of lifs which[k], in the stack
+    of box-mean layers, maps of ``rows`` × ``columns``: the flat index of the range block's first
+    pixel, its ``side``, the flat index in the layers of the first pixel's source, and the steps
+    there for a row down and for a column on. A source pixel averages ``tall`` × ``wide`` pixels;
+    ``affine`` is `isometries.AFFINE`."""
     for k in range(which.size):
         i = which[k]
         t = affine[iso[i]]
@@ -92,11 +89,8 @@ def _lay_four(layers, place, east, slope, offset, target, at):
 @kernel
 def lay_blocks(layers, walk, sigma, beta, columns, target):
     """Lay one step of the collage map W: the range blocks of ``walk`` (see `walks`) on the flat
-    ``target``, a map of ``columns``, from the flat ``layers``.
-
-    Range blocks of one side should follow each other, since branch misses cost as much as loops
-    over few pixels. So the most frequent sides are written out.
-    """
+    ``target``, a map of ``columns``, from the flat ``layers``. Range blocks of one side should
+    follow each other, since branch misses cost as much as loops over few pixels."""
     for i in range(sigma.size):
         at, side, place, south, east = walk[i, 0], walk[i, 1], walk[i, 2], walk[i, 3], walk[i, 4]
         slope, offset = sigma[i], beta[i]
@@ -215,11 +209,9 @@ def grow_outlines(
     turns, rings, alike, unseen, chosen,
 ):  # fmt: skip
     """chosen[i] = the candidate of starts[i] : starts[i + 1] with the neighbourhood closest to that
-    of range block i; the first of equals, -1 without candidates. See evocity.coding.topology.
-
-    layers[layer_of[m]] holds the means of m × m pixels, ``turns`` (8, 2, 3) the source of a pixel
-    under an isometry. Errors are equal within the share ``alike`` or ``unseen`` per pixel.
-    """
+    of range block i; the first of equals, -1 without candidates. layers[layer_of[m]] holds the
+    means of m × m pixels, ``turns`` (8, 2, 3) the source of a pixel under an isometry. Errors are
+    equal within the share ``alike`` or ``unseen`` per pixel. See evocity.coding.topology."""
     rows, columns = heights.shape
     most = 0
     for i in range(top.size):

@@ -1,9 +1,8 @@
 """Autosimilarity of a city: maps of the error µ over all range positions.
 
-µ(R, D) = Σ (ω(D) − R)² is the error of the best domain block of side D for range block R, σ free.
-It is divided by B²·(range of heights)² or by R's own variance, and so lies in 0…1 (Marsault 2005
-§1.3). R takes every pixel position, also off the pavement. D need not be a multiple of B: pixels
-at the seams count by area.
+µ(R, D) = Σ (ω(D) − R)², divided by B²·(range of heights)² or by R's own variance, is the error of
+the best domain block of side D for range block R, σ free (Marsault 2005 §1.3). R takes every pixel
+position. D need not be a multiple of B: pixels at the seams count by area.
 """
 
 import operator
@@ -16,7 +15,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from evocity.citymap import CityMap
 from evocity.coding.matching.residual import RESOLUTION, Progress, Work, least_errors, pairs
-from evocity.errors import GenomeError, check_word, keyword, none_setting, setting
+from evocity.errors import GenomeError, check_number, check_word, keyword, none_setting, setting
 
 #: The divisors of µ.
 NORMALISATIONS = ("heights", "variance")
@@ -29,18 +28,22 @@ class AutosimilarityMaps:
     city : map that was searched.
     block : side B of the range blocks, px.
     normalise : divisor of the error µ, "heights" or "variance".
-    mean : µ̃(p), float32 ``(H, W)`` in 0…1. Each range block R that contains the pixel p has a
-        least µ(R, D) over all D. The mean of these values is µ̃(p).
-    least : µ_min(p), float32 ``(H, W)`` in 0…1: the least of these values, never above ``mean``.
-    domain : best domain side D, float32 ``(H, W)``, px. Among the range blocks that contain p and
-        are not flat, the block with the least µ determines it. If several D differ by at most
-        `RESOLUTION`, the smallest wins. NaN if all blocks that contain p are flat.
-    curve : mapping from each D to the mean of µ(R, D) over all positions R, in ascending order of
-        D.
-    seconds : wall time of the search.
+    mean : mean error µ̃(p) at each pixel p, float32 ``(H, W)``, from 0 to 1. The error of a range
+        block R is the least µ(R, D) over all sides D of domain blocks. The value µ̃(p) is the mean
+        of the errors of all range blocks that contain p.
+    least : least error µ_min(p) at each pixel p, float32 ``(H, W)``, from 0 to 1. The value
+        µ_min(p) is the least error of all range blocks that contain p, so it never exceeds the
+        value in ``mean``.
+    domain : best side D of domain blocks at each pixel p, float32 ``(H, W)``, px. Among the range
+        blocks that contain p and are not flat, the block with the least error determines D. If the
+        errors of several D differ by at most `RESOLUTION`, the smallest D wins. The value D is NaN
+        if all range blocks that contain p are flat.
+    curve : mapping from each side D, in ascending order, to the mean of µ(R, D) over all R.
+    seconds : wall time of the search, seconds.
 
-    Divided by the variance, µ has no value for flat range blocks. So ``mean``, ``least`` and
-    ``curve`` omit these blocks. They are NaN where no other block remains.
+    If ``normalise`` is "variance", the error µ of a flat range block is undefined. For "variance",
+    the attributes ``mean``, ``least`` and ``curve`` omit flat blocks; these attributes are NaN if
+    all blocks are flat.
     """
 
     city: CityMap
@@ -55,18 +58,17 @@ class AutosimilarityMaps:
 
 @dataclass(frozen=True, eq=False)
 class FreeBlockMaps:
-    """Maps that show how similar a city is to itself, for range blocks of free size.
+    """Maps that show how similar a city is to itself, for range blocks of several sizes.
 
     city : map that was searched.
-    least : µ_min(p), float32 ``(H, W)`` in 0…1: the least value over all B.
-    largest : B_max(p), float32 ``(H, W)``, px: the largest B with this least value (within
-        `RESOLUTION`).
-    likeness : (1 − µ_min(p))·B_max(p), float32 ``(H, W)``, px.
-    domain : domain side D that explains most at p with range blocks of side B_max(p), float32 ``(H,
-        W)``, px.
-    maps : mapping from each B to its maps.
+    least : least error µ_min(p) at each pixel p over all sides B, float32 ``(H, W)``, from 0 to 1.
+    largest : largest side B_max(p) whose error exceeds ``least`` by at most `RESOLUTION` at pixel
+        p, float32 ``(H, W)``, px.
+    likeness : product (1 − µ_min(p))·B_max(p) at each pixel p, float32 ``(H, W)``, px.
+    domain : best side D of domain blocks for range blocks of side B_max(p), float32 ``(H, W)``, px.
+    maps : mapping from each side B to the `AutosimilarityMaps` for this side.
 
-    A value is NaN where ``maps`` have no value, see `AutosimilarityMaps`.
+    A pixel has the value NaN if the maps of all sides B lack a value there.
     """
 
     city: CityMap
@@ -86,30 +88,31 @@ def autosimilarity_maps(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> AutosimilarityMaps:
-    """Compute the error maps µ̃ and µ_min, the best D, and the curve from D to µ, by exact search
-    of the whole map.
+    """Map how well the best domain blocks of a city approximate its range blocks, by exact search.
 
     Parameters
     ----------
-    city : map that is large enough for the largest domain block.
+    city : map to search; each side must be at least the largest side of domain blocks.
     block : side B of the range blocks, px, 2 or more. The search compares range blocks at all pixel
         positions.
-    domains : side D of the domain blocks, px, above B. It may be 20, or several such as (16, 20,
-        24), or all up to a limit, ``range(B + 1, 33)``. None is 2B. The search compares domain
-        blocks at all pixel positions under all isometries.
-    normalise : divisor of the mean square error of a range block. "heights" divides by the square
-        of the map's range of heights. This scale is the same for the whole map, so a single tower
-        makes µ small everywhere. "variance" divides by the variance of the block itself. Then µ is
-        1 − ρ², the unexplained share, at any heights. Flat blocks are omitted.
-    threads : number of threads; None for all cores. The result does not depend on it.
-    progress : function that is called with (done, total) during the search.
+    domains : side D of the domain blocks, px, or several sides; each side must exceed B. Examples
+        of ``domains`` are 20, (16, 20, 24) and ``range(9, 33)``. If ``domains`` is None, the domain
+        blocks have the side 2B. The search compares domain blocks at all pixel positions under all
+        8 isometries.
+    normalise : divisor of the mean square error of a range block. With "heights", the divisor is
+        the square of the map's range of heights. With "heights", a single tower makes µ small on
+        the whole map. With "variance", the divisor is the variance of the range block. With
+        "variance", the error µ is 1 − ρ², the unexplained share of the variance, and flat blocks
+        are omitted.
+    threads : number of threads, or None for all cores; the result is the same for any number.
+    progress : function to call during the search with two numbers, the work done and all work.
 
     Raises
     ------
-    GenomeError : a parameter is out of bounds, or the map is too small for it.
+    GenomeError : a parameter is out of bounds, or the map is smaller than a domain block.
 
-    The time grows with the fourth power of the side, and with the number of D. The memory does not
-    grow with them.
+    The time grows with the fourth power of the map's side, and with the number of sides D. The
+    memory of the search does not grow with the map.
     """
     block, domains = _check_sizes(city, block, domains, threads, normalise)
     work = Work(progress, pairs(city.shape, block, domains))
@@ -125,10 +128,12 @@ def free_block_maps(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> FreeBlockMaps:
-    """Compute µ_min, B_max and (1 − µ_min)·B_max, where B ranges over ``blocks`` (px).
+    """Map the least error over several sides of range blocks, and the largest side that reaches
+    this least error.
 
-    Each B is searched with all larger ``domains`` (px); at least one must be larger. None searches
-    2B for each B. Everything else works as in `autosimilarity_maps`.
+    The search combines each side B in ``blocks`` (px) with all larger sides in ``domains`` (px). At
+    least one side in ``domains`` must exceed each side B in ``blocks``. If ``domains`` is None,
+    domain blocks have the side 2B. All other parameters work as in `autosimilarity_maps`.
     """
     blocks = list(blocks)
     if not blocks:
@@ -170,15 +175,14 @@ def _check_sizes(city: CityMap, block, domains, threads, normalise) -> tuple[int
     smaller = min(city.shape)
     try:
         block = operator.index(block)
-        if domains is None:
-            domains = 2 * block
+        domains = 2 * block if domains is None else domains
         listed = domains if isinstance(domains, Iterable) else [domains]
         extents = tuple(sorted({operator.index(extent) for extent in listed}))
     except TypeError as error:
         raise GenomeError(
-            f"{city.name}: {setting('block', block)}, {setting('domains', domains)}",
-            "whole numbers of pixels: one side of range blocks, and one or several sides of domain "
-            "blocks",
+            f"{city.name}: {setting('block', block)} or {setting('domains', domains)} is not an "
+            "integer",
+            "one side of range blocks and at least one side of domain blocks, in whole pixels",
             f"give, for example, {keyword('block', 8)}, {keyword('domains', (16, 20, 24))}",
         ) from error
     if block < 2 or not extents or extents[0] <= block or extents[-1] > smaller:
@@ -186,15 +190,12 @@ def _check_sizes(city: CityMap, block, domains, threads, normalise) -> tuple[int
         raise GenomeError(
             f"{city.name}: range blocks of B = {block} px do not fit domain blocks of D = {sides} "
             "px",
-            f"B ≥ 2 px, and D above B and at most {smaller} px, the smaller side of the map",
-            "change the sizes of the blocks, or read a larger window",
+            f"2 ≤ B < D ≤ {smaller}, because the smaller side of the map has {smaller} px",
+            "choose smaller blocks, or read a larger map",
         )
-    if threads is not None and not threads >= 1:
-        raise GenomeError(
-            setting("threads", threads),
-            f"1 or more, or {none_setting('threads')} for all cores",
-            f"leave {keyword('threads')} out",
-        )
+    if threads is not None:
+        expected = f"1 or more, or {none_setting('threads')} for all cores"
+        check_number("threads", threads, 1, np.inf, expected, GenomeError)
     check_word("normalise", normalise, NORMALISATIONS, "leave it out for heights", GenomeError)
     return block, extents
 

@@ -1,7 +1,7 @@
 """Decoder of genomes: iterates the collage map W to its attractor, a city."""
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 
@@ -31,22 +31,24 @@ from evocity.coding.zoom import (
 from evocity.errors import GenomeError, setting
 from evocity.genome import VOID, Genome
 from evocity.pavement import Pavement
-from evocity.views.buildings.flat_roofs import settled_zones
+from evocity.views.buildings.segmentation import settled_zones
 
 
 @dataclass(frozen=True, eq=False)
 class Decoding:
-    """Attractor of a genome, with the course of the iteration.
+    """Attractor of a genome, and a report on the iteration that computed it.
 
-    city : decoded map, without traces below ground, and with flat roofs on request. The map is
-        computed at the first access.
-    attractor : fixed point of W, metres, float32 ``(H, W)``, read-only. If the zoom lies between
-        legal zooms of the range blocks, these are means by area.
+    city : decoded map; negative heights become 0, and roofs are flat if the decoding settles them.
+        The first access to ``city`` computes the map.
+    attractor : fixed point of W, metres, float32 ``(H, W)``, read-only. If range blocks would not
+        have whole numbers of pixels per side at this zoom, the heights are area means of a larger
+        fixed point.
     iterations : number of applications of W.
     converged : whether the last step changed every pixel by at most the tolerance.
     change : largest change of a pixel in the last step, metres.
-    blamed : indices of lifs whose blocks still changed. Lifs with \\|σ\\| ≥ 1 come first, then the
-        largest changes. Empty after convergence.
+    blamed : indices of the lifs whose range blocks still changed in the last step. Lifs with
+        \\|σ\\| ≥ 1 come first; the other lifs follow, with the largest change first. The array
+        ``blamed`` is empty after convergence.
     """
 
     attractor: np.ndarray
@@ -62,13 +64,14 @@ class Decoding:
 
 
 class CollageMap:
-    """Operator W of a genome: W(I) = ∪ ω_i(I) (Marsault 2002 §2.3), with the condensation on top. W
-    maps one map to another.
+    """Collage operator W of a genome, which turns one map into another: W(I) = ∪ ω_i(I).
 
-    With zoom z the blocks have sides zB and zD, so W works on maps z times as large. All these
-    sides must be whole numbers of pixels, 2 or more (`legal_zoom`); else `GenomeError` is raised. A
-    domain block that begins within a pixel takes its share of that pixel. The condensation is
-    rounded to whole pixels. W works in ``dtype``, float32 or float64.
+    The definition follows Marsault 2002 §2.3. After each application, W restores the heights that
+    the condensation keeps. With a fractal zoom z, range blocks have the side zB, and maps are z
+    times as large. The side zB of every range block must be a whole number of pixels, 2 or more
+    (`legal_zoom`); otherwise the constructor raises `GenomeError`. If a domain block covers only a
+    part of a pixel, the pixel counts in proportion to this part. A zoom rounds the borders of the
+    condensation to whole pixels. W computes with numbers of the type ``dtype``, float32 or float64.
     """
 
     def __init__(self, genome: Genome, zoom: float = 1, dtype: type = np.float32):
@@ -77,7 +80,8 @@ class CollageMap:
             raise GenomeError(
                 f"{setting('zoom', zoom)} does not fit range blocks of {pavement.finest} px",
                 f"a zoom that turns {pavement.finest} px into a whole number of pixels, 2 or more",
-                f"use a multiple of 1/{pavement.finest}, from 2/{pavement.finest} up",
+                f"use a zoom that is a multiple of 1/{pavement.finest}, from 2/{pavement.finest} "
+                "up",
             )
         self.pavement = zoomed_pavement(pavement, zoom)
         side = self.pavement.side
@@ -118,12 +122,14 @@ class CollageMap:
 
     @property
     def kept(self) -> np.ndarray | None:
-        """Pixels of the condensation, bool ``(H, W)``; None without a condensation."""
+        """Mask of the pixels that the condensation keeps, bool ``(H, W)``; None without a
+        condensation."""
         return None if self._layer is None else self._layer.mask
 
     @property
     def flat_start(self) -> np.ndarray:
-        """Map with the height β in every block, and the condensation on top: W of bare ground."""
+        """Result of W on bare ground: each range block has its height β, and the pixels of the
+        condensation keep their heights."""
         return self._flat.copy()
 
     def _condense(self, heights: np.ndarray) -> np.ndarray:
@@ -133,8 +139,8 @@ class CollageMap:
         return heights
 
     def recoded(self, sigma: np.ndarray, beta: np.ndarray) -> "CollageMap":
-        """Return W with the same domain blocks, but other σ and β, ``(n,)`` each. Uniform lifs must
-        have σ 0."""
+        """Return a copy of W with the same domain blocks, but with the given arrays ``(n,)`` of σ
+        and β. Lifs without a domain block must have σ = 0."""
         other = copy.copy(self)
         other._recode(sigma, beta)
         return other
@@ -153,14 +159,14 @@ class CollageMap:
         return target
 
     def lay(self, heights: np.ndarray, target: np.ndarray) -> None:
-        """Apply W once to ``heights`` and write the result into ``target``. Both are ``(H, W)``, in
-        C order and of W's own type."""
+        """Apply W once to ``heights`` and write the result into ``target``. The arrays ``heights``
+        and ``target`` are ``(H, W)``, in C order, and have the ``dtype`` of W."""
         target[:] = self._flat
         self.lay_again(heights, target)
 
     def lay_again(self, heights: np.ndarray, target: np.ndarray) -> None:
-        """Repeat `lay` on a ``target`` of an earlier `lay`, and write only the pixels that depend
-        on ``heights``."""
+        """Apply W to ``heights``, and update only those pixels of ``target`` that depend on
+        ``heights``; the method `lay` must have filled ``target`` before."""
         for (tall, wide, *shift), layer in zip(self._kinds, self._layers, strict=False):
             box_means(heights, tall, wide, layer)
             _shift(layer, *shift)
@@ -170,8 +176,8 @@ class CollageMap:
         self._condense(target)
 
     def transposed(self, values: np.ndarray) -> np.ndarray:
-        """Apply Wᵀ once to ``(H, W)`` ``values`` of W's own type. Wᵀ is the adjoint of W without
-        its β: ⟨W(a) − W(0), b⟩ = ⟨a, Wᵀ(b)⟩."""
+        """Apply Wᵀ once to the array ``values``, ``(H, W)``, of the ``dtype`` of W. Wᵀ is the
+        adjoint of the linear part of W: ⟨W(a) − W(0), b⟩ = ⟨a, Wᵀ(b)⟩."""
         pixels, places = self.sources
         if self._steep is None:
             steep = self.pavement.raster(self._sigma).ravel()
@@ -222,31 +228,32 @@ def decode(
     start: np.ndarray | None = None,
     max_iterations: int = 500,
 ) -> Decoding:
-    """Decode a genome: iterate W from any start until no pixel changes by more than ``tolerance``
-    metres.
+    """Decode a genome to a map: iterate W until no pixel changes by more than ``tolerance`` metres.
 
     The condensation keeps its exact heights in every iteration.
 
     Parameters
     ----------
-    settle : whether roofs are made flat. Each building, separated by gaps and steps of height, then
-        takes its median height, and ground lies at 0. A code never makes a roof quite flat, see
-        `evocity.views.buildings.flat_roofs`. The condensation stays. False gives the papers' raw
-        attractor, with fractal roofs. None takes the genome's own ``settle``, which is True from
-        `evocity.encode`.
-    zoom : fractal zoom z, above 0 (Marsault 2005 §2.4): z > 1 creates detail, z < 1 simplifies.
-        Range blocks are zoomed directly if zB is a whole number of pixels, 2 or more, for every
-        side B. Otherwise the map is decoded at the next such zoom and averaged by area. With flat
-        roofs, each pixel takes the most frequent height within it instead.
-    tolerance : largest change of a pixel at which the iteration stops, metres.
-    start : heights to start from, float ``(zH, zW)``, at the decoded zoom. The attractor does not
-        depend on them.
-    max_iterations : largest number of iterations. A decoding that reaches it has not converged.
+    settle : whether to make roofs flat. With flat roofs, each building takes its median height, and
+        ground becomes 0. Gaps and steps of height separate buildings
+        (`evocity.views.buildings.settled`). The heights of the condensation do not change. With
+        ``settle=False``, the result is the raw attractor, as in the papers, with fractal roofs. By
+        default, the genome's field ``settle`` decides; `evocity.encode` sets this field to True.
+    zoom : fractal zoom z, a number above 0 (Marsault 2005 §2.4). A zoom above 1 creates detail, and
+        a zoom below 1 simplifies. The map is decoded directly if zB is a whole number of pixels, 2
+        or more, for the side B of every range block. For another zoom, the map is decoded at the
+        next larger suitable zoom, and reduced by area means. With flat roofs, a reduced pixel takes
+        the most frequent height of its area instead of the mean.
+    tolerance : the iteration stops when no pixel changes by more than this height, metres.
+    start : initial heights of the iteration, float ``(zH, zW)``; None starts from flat range
+        blocks. The attractor does not depend on the initial heights.
+    max_iterations : largest number of iterations. A decoding that needs ``max_iterations``
+        iterations has not converged.
 
     Raises
     ------
-    GenomeError : the code diverges (possible only where some \\|σ\\| ≥ 1; the message lists these
-        lifs). Or ``zoom`` is illegal.
+    GenomeError : the decoding diverges, or the genome cannot be decoded at this ``zoom``. Decoding
+        can diverge only if some lifs have \\|σ\\| ≥ 1; the message lists these lifs.
     """
     if not isinstance(genome, Genome):
         raise GenomeError(
@@ -256,18 +263,18 @@ def decode(
         )
     if not (tolerance > 0 and max_iterations >= 1):
         raise GenomeError(
-            f"tolerance = {tolerance}, max_iterations = {max_iterations}",
+            f"tolerance = {tolerance} or max_iterations = {max_iterations} is out of range",
             "a tolerance above 0 m, and at least 1 iteration",
-            "leave both out to use 0.01 m and 500",
+            "leave out both parameters to use 0.01 m and 500 iterations",
         )
     legal = legal_zoom(genome.pavement, zoom)
     collage = CollageMap(genome, legal)
     heights = collage.flat_start if start is None else np.array(start, np.float32, order="C")
     if heights.shape != collage.shape:
         raise GenomeError(
-            f"the start has the shape {heights.shape}",
-            f"{collage.shape}, the size of the decoded map",
-            "leave start out, or give it this shape",
+            f"the array in the parameter 'start' has the shape {heights.shape}",
+            f"an array of the shape {collage.shape}, like the decoded map",
+            "leave the parameter 'start' out, or pass an array of this shape",
         )
     within = np.abs(heights).max() < SKY
     if start is None and not within:
@@ -275,13 +282,13 @@ def decode(
         raise GenomeError(
             f"the height β = {genome.beta[worst]:.3g} m in lifs {worst} is too large",
             f"heights below {SKY:g} m",
-            "correct β of this lifs; no roof is so high",
+            "set the height β of this lifs to the height of a roof",
         )
     if not within:
         raise GenomeError(
-            f"the start has heights of {heights.min():.3g} to {heights.max():.3g} m",
+            f"heights in the array 'start' go from {heights.min():.3g} to {heights.max():.3g} m",
             f"finite heights below {SKY:g} m",
-            "leave start out, or give it heights in this range",
+            "leave the parameter 'start' out, or pass heights in this range",
         )
     end = fixed_point(
         collage.lay, heights, tolerance=tolerance, most=max_iterations, repeat=collage.lay_again
@@ -305,15 +312,11 @@ def decode(
             whole = most_common(roofs, step)
             shown = whole if kept is None else np.where(kept, heights, whole)
     heights.setflags(write=False)  # the city is computed from it later
-    about = {"name": _title(genome.cities), "attribution": genome.attribution}
+    name = " × ".join(city for city in genome.cities if city != VOID) or VOID
+    about = {"name": name, "attribution": genome.attribution}
     about |= {"origin": genome.origin, "crs": genome.crs}
     make = partial(_city, shown, pixel, settle, kept, **about)
     return Decoding(heights, end.steps, end.converged, end.change, blamed, make)
-
-
-def _title(cities: Sequence[str]) -> str:
-    """Join the names of a map's source cities, without the void."""
-    return " × ".join(name for name in cities if name != VOID) or VOID
 
 
 def _city(heights: np.ndarray, pixel: float, settle: bool, kept, **about) -> CityMap:
@@ -384,8 +387,8 @@ def _raise_divergence(genome: Genome, collage: CollageMap, steps: np.ndarray, it
     blamed = _blame(genome, collage, steps, 0.0)
     listed = ", ".join(f"{i} (σ = {genome.sigma[i]:.2f})" for i in blamed[:5])
     raise GenomeError(
-        f"decoding diverges: after {iterations} steps a pixel moved by {np.nanmax(steps):.3g} m; "
-        f"the cause is lifs {listed}{', …' if len(blamed) > 5 else ''}",
-        "a contractive code, with |σ| < 1 in nearly all lifs",
-        "encode the map with sigma_max below 1, or lower σ in these lifs",
+        f"decoding diverges: after {iterations} steps a pixel changed by {np.nanmax(steps):.3g} m, "
+        f"and the cause lies in lifs {listed}{', …' if len(blamed) > 5 else ''}",
+        "a contractive code, in which nearly all lifs have a contrast σ with |σ| < 1",
+        "encode the map with sigma_max below 1, or lower the contrast σ of these lifs",
     )

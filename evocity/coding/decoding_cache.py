@@ -6,6 +6,7 @@ The cached map keeps its computed views (labels, buildings, …) while there is 
 from collections import OrderedDict
 from threading import Lock
 
+from evocity.citymap import CityMap
 from evocity.coding.decode import Decoding, decode
 from evocity.genome import Genome
 
@@ -16,10 +17,8 @@ MOST_MAPS, MOST_PIXELS, AT_LEAST = 64, 1 << 22, 2
 
 class Decodings:
     """A cache of at most ``maps`` decodings with at most ``pixels`` px together, but always the
-    last `AT_LEAST`; the least recently used goes first.
-
-    Threads may call it together: two with the same new genome both decode it, and get one map.
-    """
+    last `AT_LEAST`; the least recently used goes first. Threads may call it together: two with the
+    same new genome both decode it, and get one map."""
 
     def __init__(self, maps: int = MOST_MAPS, pixels: int = MOST_PIXELS):
         self._maps, self._pixels = maps, pixels
@@ -46,6 +45,19 @@ class Decodings:
             self._make_room()
         return decoding
 
+    def forget(self, genome: Genome) -> None:
+        """Remove the decodings of genomes with these heights."""
+        with self._lock:
+            for key in [one for one in self._entries if one[0] == genome.digest]:
+                del self._entries[key]
+
+    @property
+    def maps(self) -> list[CityMap]:
+        """The maps that it holds and that somebody asked for."""
+        with self._lock:
+            held = list(self._entries.values())
+        return [one.__dict__["city"] for one in held if "city" in one.__dict__]
+
     def clear(self) -> None:
         """Empty the cache."""
         with self._lock:
@@ -66,13 +78,24 @@ _decodings = Decodings()
 def decoded(genome: Genome) -> Decoding:
     """Return ``decode(genome)`` from a cache of this process.
 
-    The same genome gives the same `Decoding` object, whose ``city`` keeps its computed views.
+    Equal genomes give the same `Decoding` object, whose ``city`` keeps the views that were
+    computed.
 
-    The result is bit for bit that of `decode`. The cache holds `MOST_MAPS` decodings, or fewer if
-    the maps are large. All arrays are read-only.
+    The result equals that of `decode` bit for bit. The cache holds `MOST_MAPS` decodings, or fewer
+    if the maps are large. All arrays of the result are read-only.
 
     Raises
     ------
-    GenomeError : raised as by `decode`. A genome that failed is decoded again at each call.
+    GenomeError : the decoding fails, as in `decode`. The cache does not keep errors of decoding.
     """
     return _decodings(genome)
+
+
+def cached_maps() -> list[CityMap]:
+    """Return the maps that the cache of this process holds."""
+    return _decodings.maps
+
+
+def forget(genome: Genome) -> None:
+    """Make the next `decoded` of the ``genome`` decode it."""
+    _decodings.forget(genome)

@@ -11,10 +11,11 @@ import numpy as np
 from evocity.citymap import CityMap
 from evocity.coding.decode import CollageMap, decode
 from evocity.coding.fit import fit_attractor, psnr
-from evocity.coding.parameters import Coding, check_encoding, is_whole
+from evocity.coding.matching.residual import Work
+from evocity.coding.parameters import Coding, check_encoding
 from evocity.coding.partition import LEAST, Level, Partition, coarsest_leaves, leaves_within
 from evocity.condensation import Condensation
-from evocity.errors import GenomeError, keyword, setting, spell
+from evocity.errors import GenomeError, is_whole, keyword, setting, spell
 from evocity.genome import Genome, packed
 from evocity.pavement import fitting_sides, halved_sides
 
@@ -27,14 +28,15 @@ class Encoding:
     """Genome of a map, with the error and the cost of coding.
 
     genome : code of the map.
-    city : coded map, which contains the condensation.
+    city : coded map, including the heights of the condensation.
     collage_rmse : root mean square of the collage error ω(d) − r, metres.
-    uniform : number of range blocks that are coded as flat, without a search. They are the level
-        range blocks, and those that a condensation covers wholly.
-    above : number of leaves with a collage error above ``max_error``. They have the smallest side,
-        so they cannot be split. 0 without ``max_error``.
-    pairs : number of combinations that the search compared: range block × domain position ×
-        isometry, for all sides.
+    uniform : number of range blocks that are coded as flat, without a search. A block is coded as
+        flat if the map is flat there, or if a condensation covers it completely.
+    above : number of range blocks with a collage error above ``max_error``; 0 if ``max_error`` is
+        not given. Range blocks with a collage error above ``max_error`` have the smallest side, so
+        they cannot be split.
+    pairs : number of comparisons in the search: range blocks × positions of domain blocks ×
+        isometries, over all sides.
     seconds : wall time of the search, the fit and any compilation.
     """
 
@@ -53,7 +55,8 @@ class Encoding:
 
     @cached_property
     def psnr_unsettled(self) -> float:
-        """`psnr` without settled roofs, dB: the quality of the code itself."""
+        """Peak signal-to-noise ratio of the raw attractor, without flat roofs, against the map,
+        dB."""
         return psnr(self.city, decode(self.genome, settle=False).city)
 
 
@@ -73,52 +76,63 @@ def encode(
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Encoding:
-    """Encode a map as an IFS by exact search (Jacquin 1992; Marsault 2005 §1.2, 2.1).
+    """Encode a map as an iterated function system, by exact search (Jacquin 1992; Marsault 2005
+    §2.1).
 
-    The range blocks follow the city: they are leaves of a quadtree. First the search finds the best
-    domain block for the leaves of each size. Then four leaves merge, from the smallest side up, if
-    one lifs costs less. The cost is collage error + λ · number of lifs.
+    The range blocks are the leaves of a quadtree, larger where the city is simpler. First, the
+    search finds the best domain block for the leaves of each size. From the smallest side up, four
+    leaves merge into one larger leaf if this lowers the cost of the code. The cost of a code is its
+    collage error plus λ times its number of lifs.
 
     Parameters
     ----------
-    city : map to encode. Its sides must be multiples of the largest range block.
-    block : smallest and largest side of the leaves, px; halving the largest side leads to the
-        smallest. Or one side B for all, px, 2 or more. None gives leaves of 2 to 16 px, or smaller
-        if 16 does not divide the map.
-    lifs : largest number of lifs, which determines λ. Simple maps take fewer. None allows one lifs
-        for each 8 px of the map: 8192 at 256².
-    max_error : largest collage error (root mean square, metres) of a leaf above the smallest side,
-        in place of ``lifs``. The leaves are as large as this error allows. See `Encoding.above`.
-    domains : sides of domain blocks, as multiples of their range block's side. (2, 3) searches D =
-        2B and 3B.
-    reach : largest distance between the north-west corners of a domain block and its range block,
-        px along each axis. None searches the whole map: the collage is better, the search slower,
-        and the code less heritable.
-    sigma_max : cap on \\|σ\\|, which the search respects. With a cap below 1, decoding always
-        converges. Infinity sets no cap.
+    city : map to encode; its sides must be multiples of the largest range block's side.
+    block : smallest and largest side of the range blocks, px; repeated halving of the largest side
+        must give the smallest. A single number is the side of all range blocks, px, 2 or more. If
+        ``block`` is None, range blocks have sides of 2 to 16 px. If 16 does not divide the sides
+        of the map, the largest range blocks are smaller.
+    lifs : largest number of lifs, which determines the weight λ in the cost of a code; a simple map
+        needs fewer lifs. By default, a code has at most one lifs for each 8 pixels of the map: 8192
+        for 256 × 256 px.
+    max_error : largest collage error of a range block (root mean square, metres); it replaces
+        ``lifs``. Range blocks are as large as ``max_error`` allows. Range blocks of the smallest
+        side may exceed the limit ``max_error``, see `Encoding.above`.
+    domains : sides of the domain blocks, as multiples of the side B of their range block. For
+        example, with the value ``(2, 3)`` the search uses domain blocks with the sides 2B and 3B.
+    reach : largest distance between the corners of a domain block and its range block, px along
+        each axis. If ``reach`` is None, the search covers the whole map. A search of the whole map
+        gives a better collage, but takes longer and makes the code less heritable.
+    sigma_max : upper bound on \\|σ\\| in the search; infinity sets no bound. If ``sigma_max`` is
+        below 1, decoding always converges.
     fit : whether to refine σ and β by `fit_attractor`. The search minimises the error of the
-        collage; this fit minimises the error of the decoded map. The collage error grows a little.
-    settle : whether `decode` makes the roofs of this code and of its descendants flat.
-    topological : share of the range block's energy ‖r̃‖². Domain blocks whose collage error exceeds
-        the least by at most this share compete by their surroundings (`closest_neighbourhood`;
-        Marsault 2005 §2.1). With 0, surroundings decide only ties, which costs no collage error.
-        With None, ties go to the lowest (D, y, x, iso). The choice of leaves comes before this.
-    condensation : heights that decoding keeps, of the map's size. The search reads the map with
-        these heights, and skips range blocks that they cover wholly.
-    threads : number of threads; None for all cores. The genome does not depend on it.
-    progress : function that is called with (done, total) rows of domain blocks. With ``fit`` it is
-        then called with the number of attractors tried, and their total.
+        collage, and the fit minimises the error of the decoded map. The fit raises the collage
+        error a little.
+    settle : whether `decode` makes roofs flat by default, for this genome and its descendants.
+    topological : tolerance of the collage error, as a share of the range block's energy ‖r̃‖².
+        Among the domain blocks whose error is within the tolerance of the best, the block with the
+        most similar surroundings wins. The function `closest_neighbourhood` compares surroundings
+        (Marsault 2005 §2.1). With the tolerance 0, surroundings decide only between domain blocks
+        with equal errors, so the collage error does not grow. If ``topological`` is None, the
+        domain block with the lowest (D, y, x, iso) wins a tie. The sides of range blocks are chosen
+        before surroundings are compared.
+    condensation : fixed heights that decoding does not change, on a grid of the map's size. The
+        search reads the map with the fixed heights, and skips range blocks that the condensation
+        covers completely.
+    threads : number of threads, or None for all cores; the genome is the same for any number.
+    progress : function that is called with the number of finished rows of domain blocks, and the
+        number of all rows. During the fit, the function is called with the number of attractors
+        tried and the largest number to try.
 
     Returns
     -------
-    Encoding : result with the `Genome` in ``.genome``.
+    Encoding : result of the search, with the `Genome` in ``.genome``.
 
     Raises
     ------
-    GenomeError : the map's sides do not suit ``block``, a parameter is out of range, or the
-        condensation has another size. Or the budget ``lifs`` is too small for the largest leaves,
-        or ``lifs`` and ``max_error`` are both given. Or the code to be fitted diverges, which is
-        possible only with a ``sigma_max`` of 1 or more.
+    GenomeError : a parameter is out of range, or the sides of the map do not suit ``block``. A
+        condensation that differs in size from the map raises GenomeError. If ``lifs`` is below the
+        number of largest leaves, or is given together with ``max_error``, the function raises
+        GenomeError. If ``sigma_max`` is 1 or more, a code that diverges can raise GenomeError.
     """
     if not isinstance(city, CityMap):
         raise GenomeError(
@@ -134,8 +148,9 @@ def encode(
     covered = None
     if condensation is not None:
         city, covered = city.replace(_lay(condensation, city)), condensation.mask
-    count = _row_counter(progress, city.shape[0], sides, coding, topological is not None)
-    work = {"threads": threads, "progress": count}
+    rows = sum(max(city.shape[0] - m * side + 1, 0) for side in sides for m in coding.domains)
+    count = Work(progress, rows * (1 + (topological is not None)), digits=6)
+    work = {"threads": threads, "progress": count.add}
     levels = [Level.search(city.heights, side, covered, coding, **work) for side in sides]
     if max_error is None:
         budget = lifs or -(-city.heights.size // PIXELS_A_LIFS)
@@ -186,28 +201,12 @@ def _lay(condensation: Condensation, city: CityMap) -> np.ndarray:
     """Lay the ``condensation`` over the heights of ``city``; `GenomeError` unless it fits."""
     if not isinstance(condensation, Condensation) or condensation.shape != city.shape:
         raise GenomeError(
-            f"{city.name}, {city.shape[0]} × {city.shape[1]} px, does not fit "
-            f"{spell(condensation)}",
+            f"{spell(condensation)} does not fit the map {city.name}, which has {city.shape[0]} × "
+            f"{city.shape[1]} px",
             "a Condensation with the size of the map",
             "make the Condensation from this map: Condensation.cut(city, mask)",
         )
     return condensation.laid(city.heights)
-
-
-def _row_counter(progress, height: int, sides: Sequence[int], coding: Coding, twice: bool):
-    """Make a function that adds rows of domain blocks and calls ``progress`` (done, total)."""
-    if progress is None:
-        return None
-    total = sum(max(height - m * side + 1, 0) for side in sides for m in coding.domains)
-    total *= 1 + twice
-    done = 0.0
-
-    def count(rows: float) -> None:
-        nonlocal done
-        done += rows
-        progress(min(round(done, 6), total), total)
-
-    return count
 
 
 def _sides(city: CityMap, block) -> tuple[int, ...]:
@@ -220,8 +219,8 @@ def _sides(city: CityMap, block) -> tuple[int, ...]:
     if is_whole(block, 2):
         return (int(block),)
     raise GenomeError(
-        f"{city.name}: {setting('block', block)}",
-        "a whole number of pixels, 2 or more; or two numbers, the finest and the largest side",
+        f"{city.name}: {setting('block', block)} is not a side of range blocks",
+        "a whole number of pixels, 2 or more; or two numbers, the smallest and the largest side",
         f"use for example {keyword('block', 4)}, or {keyword('block', (2, 16))}",
     )
 

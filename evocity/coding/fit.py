@@ -1,8 +1,7 @@
 """Fit of σ and β that brings the attractor, not the collage, closest to the map; PSNR.
 
-The search makes each lifs rebuild its range block from the map; decoding rebuilds it from the
-attractor, where errors add up. The fit lowers the attractor's error, with the gradient through
-the fixed point. Domain blocks and isometries stay.
+Decoding rebuilds range blocks from the attractor, where errors of the search add up. The fit lowers
+the attractor's error, with the gradient through the fixed point.
 """
 
 from collections.abc import Callable
@@ -27,8 +26,8 @@ _MOST_STEPS = 500
 def psnr(original: CityMap, decoded: CityMap) -> float:
     """Compute the peak signal-to-noise ratio, dB: 10 log₁₀(peak² / mean squared difference).
 
-    The peak is the highest roof of the original. Equal maps give inf. Different maps give -inf if
-    the original has only ground. Raises `MapError` if the maps have different grids.
+    The peak is the highest roof of the original. Equal maps give inf. If the original is all
+    ground, a map with buildings gives -inf. Raises `MapError` if the maps have different grids.
     """
     same_grid([original, decoded])
     difference = original.heights.astype(np.float64) - decoded.heights
@@ -46,24 +45,26 @@ def fit_attractor(
     evaluations: int = 60,
     progress: Callable[[int, int], None] | None = None,
 ) -> Genome:
-    """Refine σ and β of all lifs to minimise ‖attractor − map‖².
+    """Refine σ and β of all lifs to minimise the squared error ‖attractor − map‖².
 
-    The method is NLopt's MMA (Svanberg 2002) with \\|σ\\| ≤ sigma_max and β free; uniform lifs
-    keep σ = 0. The condensation stays. The same arguments give the same genome, bit for bit.
+    The optimiser is MMA of NLopt (Svanberg 2002), with \\|σ\\| ≤ sigma_max and unbounded β. Lifs
+    without a domain block keep σ = 0, and the condensation does not change. Equal arguments give
+    equal genomes, bit for bit.
 
     Parameters
     ----------
-    genome : code that decodes without divergence, such as `encode` makes of ``city``.
-    city : map to approximate, of the genome's size and pixel size.
-    evaluations : largest number of attractors to try. Each takes 5 to 15 ms at 256².
-    progress : function that is called with (attractors tried, ``evaluations``). An exception in it
-        ends the fit.
+    genome : genome whose decoding does not diverge, for example from `encode`.
+    city : map to approximate, with the genome's size and pixel size.
+    evaluations : largest number of attractors to try. The computation of one attractor takes 5 to
+        15 ms for 256 × 256 px.
+    progress : function to call with two numbers: the number of attractors tried, and
+        ``evaluations``. An exception in the function ``progress`` ends the fit.
 
     Returns
     -------
-    Genome : genome with a higher PSNR, or ``genome`` itself if the fit reaches none. Its
-        ``made["fit"]`` holds the number of attractors tried. It also holds the PSNR (dB) before and
-        after, None for a perfect fit.
+    Genome : genome with a higher PSNR, or the unchanged genome if the fit does not increase the
+        PSNR. The entry ``made["fit"]`` holds the number of attractors tried, and the PSNR (dB)
+        before and after. The PSNR after a perfect fit is None.
 
     Raises
     ------
@@ -72,9 +73,9 @@ def fit_attractor(
     """
     if not 1 <= evaluations < np.inf or int(evaluations) != evaluations:
         raise GenomeError(
-            f"evaluations = {evaluations}",
-            "a whole number above 0",
-            "choose a number, for example 60",
+            f"evaluations = {evaluations} is out of range",
+            "the number of attractors that the fit decodes, 1 or more",
+            "leave the parameter 'evaluations' out to decode 60 attractors",
         )
     before = psnr(city, decode(genome).city)
     if not np.isfinite(before):  # no error to lower, or nothing built
@@ -92,11 +93,11 @@ def fit_attractor(
 class AttractorError:
     """E(σ, β) = ‖attractor − map‖², m², and its gradient by the adjoint of the fixed point.
 
-    The attractor solves A = ΣSA + β: S lays every shrunk domain block on its range block, Σ
-    and β are the σ and β of each pixel's lifs. The response of E to a push on each pixel solves
-    the transposed equation λ = (ΣS)ᵀλ + 2(A − map). Summed over a range block, λ·SA is its
-    lifs' ∂E/∂σ and λ its ∂E/∂β. Both iterate in float64, from their last results, until no pixel
-    changes by more than the share ``tolerance`` of the map's peak.
+    The attractor solves A = ΣSA + β: S lays every shrunk domain block on its range block, Σ and β
+    are those of each pixel's lifs. E responds to a push on each pixel by λ = (ΣS)ᵀλ + 2(A − map).
+    Summed over a range block, λ·SA is its lifs' ∂E/∂σ and λ its ∂E/∂β. Both iterate in float64,
+    from their last results, until no pixel changes by more than the share ``tolerance`` of the
+    map's peak.
     """
 
     def __init__(self, genome: Genome, city: CityMap, tolerance: float = _TOLERANCE):
@@ -149,11 +150,8 @@ class AttractorError:
 def _minimise_error(
     genome: Genome, city: CityMap, evaluations: int, progress: Callable | None
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return (σ, β, attractors tried) of the least error, the genome's own included.
-
-    A point of the optimiser is β of all lifs, in units of the peak, then σ of those with domain
-    blocks.
-    """
+    """Return (σ, β, attractors tried) of the least error, the genome's own included. A point of the
+    optimiser is β of all lifs, in units of the peak, then σ of those with domain blocks."""
     count, busy = len(genome), np.flatnonzero(~genome.uniform)
     peak = float(city.heights.max())
     unit = city.heights.size * peak**2

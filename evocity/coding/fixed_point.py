@@ -13,14 +13,9 @@ SKY = 1e7
 
 @dataclass(frozen=True, eq=False)
 class FixedPoint:
-    """The end of an iteration.
-
-    values : ``(H, W)``, the last map.
-    before : ``(H, W)``, the map one step before.
-    steps : number of steps.
-    converged : whether no pixel moved by more than the tolerance in the last step.
-    diverged : whether a pixel moved as far as the sky, or to NaN.
-    """
+    """The end of an iteration: the last map and the map ``before``, ``(H, W)``; the number of
+    ``steps``; whether the last step ``converged``, and whether it ``diverged`` (reached the sky, or
+    NaN)."""
 
     values: np.ndarray
     before: np.ndarray
@@ -52,9 +47,8 @@ def fixed_point(
     """Iterate from ``start`` (H, W) until no pixel moves by more than ``tolerance``, one moves by
     ``sky`` or more, or ``most`` steps are made.
 
-    ``lay(before, after)`` writes the next map into ``after``; both have the type of ``start``,
-    which stays unchanged. ``repeat`` replaces ``lay`` from the third step on: by then ``lay`` has
-    written both maps once, so ``repeat`` may skip constant parts.
+    ``lay(before, after)`` writes the next map into ``after``. ``repeat`` replaces ``lay`` from the
+    third step on, when ``lay`` has written both maps once, and may skip constant parts.
     """
     before, values = np.empty(start.shape, start.dtype), start.copy(order="C")
     limits = values.dtype.type(tolerance), values.dtype.type(sky)

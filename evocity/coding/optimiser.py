@@ -43,25 +43,19 @@ def minimise(
     upper: np.ndarray | None = None,
     step: float | np.ndarray | None = None,
 ) -> Least:
-    """Minimise a ``function`` near ``start`` in at most ``most`` evaluations.
+    """Minimise a ``function`` near ``start`` in at most ``most`` evaluations, 1 or more. Equal
+    arguments give equal results, bit for bit, if the function does so.
 
-    Equal arguments give equal results, bit for bit, if the function does so.
-
-    Parameters
-    ----------
-    function : called with a point ``(n,)`` and an array to be filled in place with the gradient
-        there, ``(n,)`` for "mma", else empty. Returns the value; None, NaN and infinity are worse
-        than any value. Its exceptions, Ctrl-C too, are raised here, except `Enough`.
+    function : called with a point ``(n,)`` and an array to fill with the gradient there, ``(n,)``
+        for "mma", else empty. Returns the value; None, NaN and infinity are worse than any value.
+        Its exceptions, Ctrl-C too, are raised here, except `Enough`.
     start : float ``(n,)``, n ≥ 1, within the bounds.
     algorithm : "sbplx", "cobyla", "bobyqa" or "mma". COBYLA replaces BOBYQA for a single number.
-    most : evaluations, 1 or more.
     lower, upper : bounds, ``(n,)``; None for no bounds.
     step : distance of the first tries from the start, a number or ``(n,)``; None leaves it to
         NLopt.
 
-    Returns
-    -------
-    Least : without any value, the start and infinity.
+    Without any value, the result is the start and infinity.
     """
     start = np.asarray(start, np.float64)
     best, least, evaluations = start, np.inf, 0

@@ -2,12 +2,12 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from numbers import Integral, Real
+from numbers import Real
 
 import numpy as np
 
 from evocity.citymap import MAX_PIXELS, MAX_SIDE, CityMap
-from evocity.errors import GenomeError, none_setting, setting
+from evocity.errors import GenomeError, is_whole, none_setting, setting
 
 #: The largest finite cap on \\|σ\\|.
 _STEEPEST = 1e9
@@ -15,13 +15,8 @@ _STEEPEST = 1e9
 
 @dataclass(frozen=True)
 class Coding:
-    """Which domain blocks a search compares with a range block, and how steep a lifs may be.
-
-    reach : how far a domain block's corner may lie from the range block's along each axis, px;
-        None for the whole map.
-    domains : sides of the domain blocks, as multiples of the range block's.
-    sigma_max : cap on \\|σ\\|; ``inf`` for no cap.
-    """
+    """The domain blocks that a search compares with a range block, and the cap on \\|σ\\|, as in
+    `evocity.encode`."""
 
     reach: int | None = 24
     domains: Sequence[int] = (2,)
@@ -70,8 +65,3 @@ def check_encoding(city: CityMap, finest: int, coding: Coding, topological, thre
     if faults:
         found, expected = ("; ".join(part) for part in zip(*faults, strict=True))
         raise GenomeError(f"{city.name}: {found}", expected, "change the parameters of encode")
-
-
-def is_whole(value, least: int) -> bool:
-    """Tell whether ``value`` is a whole number of ``least`` or more."""
-    return isinstance(value, Integral) and not isinstance(value, bool) and value >= least

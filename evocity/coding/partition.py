@@ -1,9 +1,8 @@
 """Partitions that follow the city: an exact search at each side, then merges from the finest up.
 
-The result is the partition of least collage error + λ · number of lifs, for the λ of a budget
-(Lagrangian pruning of a quadtree, as in Shusterman & Feder 1994 for fractal codes). With a bound
-on errors it is the coarsest partition whose leaves keep it. The papers wish for such partitions
-and leave them open (Marsault 2002 §6.1, 2005 §4.1-4.2).
+The result is the partition of least collage error + λ · number of lifs (Lagrangian pruning of a
+quadtree: Shusterman & Feder 1994), or the coarsest partition within a bound on errors. The papers
+leave such partitions open (Marsault 2002 §6.1, 2005 §4.1-4.2).
 """
 
 from collections.abc import Callable, Sequence
@@ -13,8 +12,8 @@ from functools import cached_property
 import numpy as np
 
 from evocity.coding.matching import Matches, best_matches, near_best, pairs_compared
+from evocity.coding.matching.candidates import uneven_blocks
 from evocity.coding.matching.domains import domain_pools
-from evocity.coding.matching.shapes import uneven_blocks
 from evocity.coding.parameters import Coding
 from evocity.coding.topology import closest_neighbourhood
 from evocity.errors import GenomeError, keyword, setting
@@ -28,12 +27,11 @@ _NAMES = ("multiple", "y", "x", "iso", "sigma", "beta")
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """The search of a whole map at one side, on the uniform ``pavement`` of that side.
+    """The search of a whole map at one side, on the uniform ``pavement`` of that side: its results,
+    ``matches``, are those of the range blocks ``searched``; the others are level, or condensed.
 
-    searched : numbers of the range blocks with a search; the others are level, or condensed.
-    matches : the result for them.
-    error : float64 ``(rows, columns)``, collage error of each range block, m², summed over it.
-    mean : float64 ``(n,)``, mean height of each range block, metres.
+    error, mean : collage error, ``(rows, columns)``, m², and mean height, ``(n,)``, m, of each
+        block.
     pairs : number of pairs of the search.
     """
 
@@ -83,10 +81,8 @@ class Level:
         (at,) = np.nonzero(np.isin(self.searched, which))
         side, numbers = self.pavement.block, self.searched[at]
         corners = tuple(corner[numbers] for corner in self.pavement.corners)
-        some = replace(
-            self.matches,
-            **{name: getattr(self.matches, name)[at] for name in (*_NAMES, "gain", "energy")},
-        )
+        kept = {name: getattr(self.matches, name)[at] for name in (*_NAMES, "gain", "energy")}
+        some = replace(self.matches, **kept)
         pools = domain_pools(self.heights, side, coding.domains)
         blocks = self.pavement.blocks(self.heights)[numbers]
         columns = {name: getattr(self.matches, name).copy() for name in _NAMES}
@@ -115,9 +111,7 @@ def chosen_leaves(errors: Sequence[np.ndarray], price: float) -> list[np.ndarray
     """Choose the partition of least Σ error + ``price`` · number of leaves; of equal ones the
     coarsest.
 
-    errors : ``(rows, columns)`` for each side, m², from the finest to the root, each with half as
-        many rows and columns as the one before.
-    price : λ, m², 0 or more.
+    errors : ``(rows, columns)`` for each side, m², from the finest to the root, each half as long.
 
     Returns bool arrays of the same shapes: the leaves of each side.
     """
@@ -141,9 +135,7 @@ def coarsest_leaves(
 
 def leaves_within(errors: Sequence[np.ndarray], budget: int, least: float) -> list[np.ndarray]:
     """Find `chosen_leaves` of the lowest price, ``least`` or more, that keeps the ``budget``.
-
-    Raises `GenomeError` if the coarsest partition has more leaves.
-    """
+    Raises `GenomeError` if the coarsest partition has more leaves."""
     if errors[-1].size > budget:
         raise GenomeError(
             setting("lifs", budget),
@@ -199,13 +191,9 @@ class Partition:
 
     def follow_surroundings(self, tolerance: float, coding: Coding, **work) -> "Partition":
         """Recode the leaves by `Level.follow_surroundings`."""
-        return replace(
-            self,
-            levels=[
-                level.follow_surroundings(which, tolerance, coding, **work)
-                for level, which in self._pairs
-            ],
-        )
+        arguments = tolerance, coding
+        levels = [level.follow_surroundings(k, *arguments, **work) for level, k in self._pairs]
+        return replace(self, levels=levels)
 
     @property
     def _pairs(self):

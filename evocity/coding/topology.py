@@ -1,9 +1,5 @@
 """Topological collage: choice among domain blocks by their surroundings (Marsault 2002 §3.3, 2005
-§2.1).
-
-By content, a wall along a street and a wall in a courtyard may be equal. Among candidates of nearly
-equal collage error, the closest neighbourhood keeps the links between a block and its surroundings.
-"""
+§2.1), which tell a wall along a street from a wall in a courtyard."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -21,15 +17,15 @@ _UNSEEN = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Candidate domain blocks of n range blocks.
+    """Candidate domain blocks for each of n range blocks.
 
-    The candidates of range block i have the indices ``starts[i] : starts[i + 1]`` in all other
-    arrays. Their order is (D, y, x, iso). The array ``starts`` is int64 ``(n + 1,)``. A range block
-    may have no candidates.
+    The slice ``starts[i] : starts[i + 1]`` of each array below holds the candidates of range block
+    i. The candidates are sorted by (D, y, x, iso). The array ``starts`` has the type int64 and the
+    shape ``(n + 1,)``. A range block may have no candidates.
 
-    Four arrays hold whole numbers: ``multiple`` (D/B, 1 or more), ``y`` and ``x`` (px, north-west
-    pixel of the domain block), ``iso`` (0…7). The arrays ``sigma`` and ``beta`` (m) are float64,
-    because float32 would break true ties.
+    The arrays ``multiple`` (D/B, 1 or more), ``y``, ``x`` and ``iso`` (0…7) hold whole numbers. The
+    north-west pixel of the domain block is at row ``y`` and column ``x``. The arrays ``sigma`` and
+    ``beta`` (m) are float64, because float32 would not keep true ties.
     """
 
     starts: np.ndarray
@@ -50,40 +46,44 @@ def closest_neighbourhood(
     rings: int = 16,
     domain_heights: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Choose for each range block the candidate whose surroundings resemble the block's
-    surroundings most.
+    """Choose for each range block the candidate with the most similar surroundings.
 
-    Ring k is the set of pixels at distance k around a block (the larger of row and column
-    distance). The ring of a domain block is made comparable in the same way as the block. It is
-    averaged over ``multiple`` × ``multiple`` pixels, and turned by the isometry with the whole
-    square of side B + 2k. Then it is multiplied by σ, and β is added. The comparison begins with
-    ring 1 and adds ring after ring. A candidate drops out if its squared differences over all rings
-    so far exceed the least. The comparison ends when one candidate is left.
+    Ring k is the set of pixels at distance k around a block. The distance of a pixel from a block
+    is the larger of its distances in rows and in columns. The ring of a domain block is transformed
+    like the block itself. The ring of a domain block is averaged over ``multiple`` × ``multiple``
+    pixels first. After this average, the isometry turns the whole square of side B + 2k. Finally,
+    the heights of the ring are multiplied by σ, and β is added.
 
-    - A pixel counts if both neighbourhoods have it on the map. A missing pixel of a ring counts as
-      the average of the ring's other pixels. So the map's border brings neither gain nor loss.
-    - A candidate without pixels in a ring loses to candidates with pixels in it.
-    - The comparison also ends after ``rings`` rings, or when no candidate has pixels left. Then
-      the first of the remaining candidates, with the lowest (D, y, x, iso), wins.
+    The comparison begins with ring 1 and adds one ring after the other. After each ring, a
+    candidate drops out if its sum of squared differences exceeds the least sum of all candidates.
+    The comparison ends when only one candidate is left, when no candidate has pixels left, or after
+    ``rings`` rings. The first of the remaining candidates, with the lowest (D, y, x, iso),
+    wins.
+
+    - A pixel counts only if it lies on the map in the surroundings of both blocks, the range block
+      and the domain block. A missing pixel of a ring counts as the mean of the ring's other pixels.
+      The border of the map therefore has no influence.
+    - A candidate without pixels in a ring loses to candidates with pixels in that ring.
 
     Parameters
     ----------
     heights : map of the range blocks, ``(H, W)``, metres.
     block : side B of the range blocks, px, 2 or more.
     corners : (y, x) of the north-west pixels of the range blocks, ``(n,)`` each.
-    candidates : candidates of each range block.
-    rings : largest number of rings; 0 takes the first candidate.
-    domain_heights : map of the domain blocks, metres, if it is another map. Asymmetric fusion uses
-        it: with ``multiple`` 1, σ 1 and β 0 these blocks are range blocks of another city.
+    candidates : candidate domain blocks of each range block.
+    rings : largest number of rings to compare; with 0, the first candidate wins.
+    domain_heights : map of the domain blocks, metres; None means the map ``heights``. Asymmetric
+        fusion passes the map of another city as ``domain_heights``. Candidates with ``multiple`` =
+        1, σ = 1 and β = 0 are range blocks of the map ``domain_heights``.
 
     Returns
     -------
-    int64 ``(n,)`` : indices of the chosen candidates in their arrays; −1 for a range block without
+    int64 ``(n,)`` : index of the chosen candidate of each range block; −1 for a range block without
     candidates.
 
-    The function computes in float64. Two errors are a tie if they differ by at most 1e-9 of the
-    least. They are also a tie if they differ per pixel by at most (highest roof / 1 000 000)². So
-    true ties stay ties under any isometry.
+    The function computes in float64. Two sums of squared differences are a tie if they differ by at
+    most 1e-9 of the least sum. Two sums are a tie, too, if they differ per pixel by at most
+    (highest roof / 1 000 000)². Candidates with equal surroundings tie under any isometry.
     """
     top, left = (np.asarray(corner, np.int64) for corner in corners)
     heights = np.asarray(heights, np.float64)
@@ -120,6 +120,5 @@ def _turns(block: int) -> np.ndarray:
     """Tabulate the source of pixel (i, j) under isometry k, in a block and around it: row
     Σ turns[k, 0] · (1, i, j), column Σ turns[k, 1] · (1, i, j), from the block's north-west pixel;
     int64 ``(8, 2, 3)``."""
-    sources = isometries.sources(block).astype(np.int64)
-    origin, below, right = (np.stack(np.divmod(sources[:, t], block), 1) for t in (0, block, 1))
-    return np.stack([origin, below - origin, right - origin], axis=2)
+    a = isometries.AFFINE
+    return np.stack([a[:, :2] * (block - 1), a[:, 2:4], a[:, 4:]], axis=2)

@@ -2,12 +2,11 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from numbers import Real
 
 import numpy as np
 
 from evocity.condensation import Condensation, merged
-from evocity.errors import GenomeError, check_word, setting
+from evocity.errors import GenomeError, check_word, is_number, setting
 from evocity.genome import Genome
 
 #: The counts that `low_pass` and `high_pass` compare with f_c: attributes of `Usage`.
@@ -16,17 +15,17 @@ COUNTS = ("pixels", "domains", "ranges")
 
 @dataclass(frozen=True, eq=False)
 class Usage:
-    """Counts of calls: how many lifs of a genome use each domain block (Marsault 2002 §5.5).
+    """Counts of copies: each lifs copies (calls) a domain block with all its pixels (Marsault 2002
+    §5.5).
 
     genome : code of n lifs on ``(H, W)`` pixels.
-    domain_blocks : int32 ``(k, 4)``. Each row is a different domain block: y, x, dy, dx, px. The
-        most called block comes first.
-    domain_calls : number of lifs that call each of these domain blocks, int32 ``(k,)``.
-    calls : number of lifs that call the same domain block as each lifs, itself included, int32
-        ``(n,)``. 0 for a lifs without a domain block.
+    domain_blocks : different domain blocks of the genome, int32 ``(k, 4)``, the most copied block
+        first. The columns of ``domain_blocks`` are y, x, dy and dx, px.
+    domain_calls : number of lifs that copy each domain block in ``domain_blocks``, int32 ``(k,)``.
+    calls : for each lifs, the number of lifs with the same domain block, itself included, int32
+        ``(n,)``. A lifs without a domain block has the number 0 in ``calls``.
 
-    The attributes ``pixels``, ``domains`` and ``ranges`` are maps of these counts, int32 ``(H, W)``
-    each.
+    The attributes ``pixels``, ``domains`` and ``ranges`` are maps of counts, int32 ``(H, W)`` each.
     """
 
     genome: Genome
@@ -36,7 +35,7 @@ class Usage:
 
     @cached_property
     def pixels(self) -> np.ndarray:
-        """Number of lifs that call each pixel: their domain blocks contain it."""
+        """Number of lifs whose domain blocks contain each pixel."""
         p = self.genome.pavement
         y, x, dy, dx = self.domain_blocks.T
         steps = np.zeros((p.height + 1, p.width + 1), np.int64)
@@ -56,16 +55,16 @@ class Usage:
 
     @cached_property
     def ranges(self) -> np.ndarray:
-        """Number of calls of the domain block of each pixel's range block."""
+        """Number of lifs that call the domain block of each pixel's range block."""
         return self.genome.pavement.raster(self.calls)
 
 
 def usage(genome: Genome) -> Usage:
-    """Count how many lifs of a genome call each domain block, and each pixel.
+    """Count how many lifs of a genome copy each domain block, and each pixel.
 
-    After a search over the whole map, a few domain blocks serve most lifs. Pixels of a condensation
-    count like all others. The count takes about 3 ms at 256², B = 4; `Usage.domains` takes 3 ms
-    more.
+    In genomes from a search of the whole map, most lifs copy one of a few domain blocks. Pixels of
+    a condensation count like all other pixels. The count takes about 3 ms for 256 × 256 px and B =
+    4; `Usage.domains` takes another 3 ms.
     """
     called = np.flatnonzero(~genome.uniform)
     corners = [getattr(genome, name)[called].astype(np.int32) for name in ("y", "x", "dy", "dx")]
@@ -79,64 +78,70 @@ def usage(genome: Genome) -> Usage:
 
 
 def low_pass(genome: Genome, f_c: float, *, count: str = "pixels") -> Genome:
-    """Lower the map to ground where the code calls pixels more often than the cut frequency f_c.
+    """Lower pixels to ground if the genome copies them more often than the cut frequency f_c.
 
-    A condensation keeps this ground in every iteration, so the attractor changes. Range blocks that
-    were made from lowered pixels become flat, at their β. A high f_c removes few details, and a low
-    f_c nearly all (Marsault 2002 §5.5, 2005 §2.4).
+    A condensation keeps the lowered pixels at ground in every iteration, so the attractor changes.
+    A range block becomes flat, at its height β, if the filter lowers its domain block. A high f_c
+    removes few details, and a low f_c nearly all details (Marsault 2002 §5.5, 2005 §2.4).
 
     Parameters
     ----------
-    f_c : cut frequency in calls, 0 or more; infinity changes nothing. The papers show 1, 10 and
-        100.
-    count : count of each pixel to compare, see `Usage`. "pixels" counts the calls of the pixel
-        (2002). "domains" counts the calls of the most called domain block that contains the pixel.
-        "ranges" counts the calls of its range block's domain block (2005); 0 then keeps only
-        uniform range blocks.
+    f_c : cut frequency, a number of copies, 0 or more; infinity changes nothing. The papers show
+        results for f_c = 1, 10 and 100.
+    count : the kind of count that each pixel has, by the name of a map of `Usage`; the filter
+        compares this count with f_c. With "pixels", the count of a pixel is the number of lifs that
+        copy this pixel (2002). With "domains", the count of a pixel is the number of lifs that copy
+        the most copied domain block around the pixel. With "ranges", the count of a pixel is the
+        number of lifs that copy the domain block of its range block (2005). With ``count`` =
+        "ranges" and f_c = 0, only uniform range blocks stay.
 
     Returns
     -------
-    Genome : genome with the same lifs, and a condensation of ground. `evocity.decode` gives the
-        filtered map. An earlier condensation stays. If no count is higher, the same genome is
-        returned.
+    Genome : genome with the same lifs and a condensation of ground; decode it for the filtered map.
+        The condensation of the given genome stays. If no pixel has a count above f_c, the result is
+        the unchanged genome.
 
     Raises
     ------
-    GenomeError : f_c is not a number of 0 or more, or ``count`` is unknown.
+    GenomeError : f_c is not a number from 0 upwards, or the parameter ``count`` has an unknown
+        value.
     """
     return _lay_ground(genome, "low_pass", f_c, count)
 
 
 def high_pass(genome: Genome, f_c: float, *, count: str = "pixels") -> Genome:
-    """Lower the map to ground where the code calls pixels less often than the cut frequency f_c.
+    """Lower pixels to ground if the genome copies them less often than the cut frequency f_c.
 
-    This filter is the counterpart of `low_pass` (Marsault 2002 §5.5 compares the two). Pixels with
-    f_c calls or more stay, and range blocks that were made from other pixels become flat. With
-    equal ``count`` and f_c, each pixel survives at least one of the two filters. Both filters in
+    The filter `high_pass` is the counterpart of `low_pass`; Marsault 2002 §5.5 compares both
+    filters. Pixels that are copied f_c times or more stay. A range block becomes flat if the filter
+    lowers its domain block. If `low_pass` and `high_pass` have the same ``count`` and f_c, each
+    pixel survives at least one of the two filters. The filters `low_pass` and `high_pass` in
     sequence leave a band of frequencies.
 
     Parameters
     ----------
-    f_c : cut frequency in calls, 0 or more. 0 changes nothing, 1 keeps all called pixels, and
-        infinity lowers the whole map to ground.
-    count : count of each pixel to compare, as in `low_pass`. With "ranges", uniform range blocks
-        are lowered first, because they call nothing.
+    f_c : cut frequency, a number of copies, 0 or more. The value 0 changes nothing, 1 keeps all
+        pixels that are copied, and infinity lowers the whole map to ground.
+    count : the kind of count that each pixel has, as in `low_pass`; the filter compares this count
+        with f_c. With ``count`` = "ranges", uniform range blocks have the count 0, so the filter
+        lowers them first.
 
     Returns
     -------
-    Genome : filtered genome, as in `low_pass`. If no count is lower, the same genome is returned.
+    Genome : filtered genome, as in `low_pass`. If no pixel has a count below f_c, the result is the
+        unchanged genome.
 
     Raises
     ------
-    GenomeError : f_c is not a number of 0 or more, or ``count`` is unknown.
+    GenomeError : f_c is not a number from 0 upwards, or the parameter ``count`` has an unknown
+        value.
     """
     return _lay_ground(genome, "high_pass", f_c, count)
 
 
 def _lay_ground(genome: Genome, name: str, f_c: float, count: str) -> Genome:
     """Lay ground where the filter called ``name`` demands it."""
-    number = isinstance(f_c, Real) and not isinstance(f_c, bool)
-    if not number or not f_c >= 0:
+    if not is_number(f_c) or not f_c >= 0:
         raise GenomeError(
             setting("f_c", f_c), "calls, 0 or more", "give for example 10, see usage(genome)"
         )

@@ -5,14 +5,14 @@ from math import ceil, floor
 import numpy as np
 
 from evocity.citymap import MAX_PIXELS, MAX_SIDE
-from evocity.errors import GenomeError, setting
+from evocity.errors import GenomeError, is_number, setting
 from evocity.pavement import Pavement
 
 
 def legal_zoom(pavement: Pavement, zoom: float) -> float:
     """Find the least zoom of ``zoom`` or more that makes all sides whole numbers of pixels, 2 or
     more. Raises `GenomeError` for an illegal zoom, or a map too large."""
-    number = isinstance(zoom, int | float | np.number) and not isinstance(zoom, bool)
+    number = is_number(zoom)
     height, width = (side * zoom if number else 0 for side in (pavement.height, pavement.width))
     if not (number and 0 < zoom < np.inf and min(height, width) >= 1):
         raise GenomeError(
@@ -50,10 +50,8 @@ def zoomed_corner(corner: np.ndarray, zoom: float) -> tuple[np.ndarray, np.ndarr
 
 def area_means(raster: np.ndarray, step: float) -> np.ndarray:
     """Average a ``(H, W)`` raster over squares of ``step`` px, 1 or more, from the north-west
-    corner on. Pixels at rims count by area; an incomplete last square is omitted.
-
-    Returns float32 ``(⌊H / step⌋, ⌊W / step⌋)``.
-    """
+    corner on: float32 ``(⌊H / step⌋, ⌊W / step⌋)``. Pixels at rims count by area; an incomplete
+    last square is omitted."""
     for axis in (0, 1):
         count = floor(raster.shape[axis] / step + 1e-9)
         sums = np.insert(np.cumsum(raster, axis=axis, dtype=np.float64), 0, 0, axis=axis)

@@ -16,11 +16,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from evocity import accelerate
+from evocity.child_process import tie_to_parent
 from evocity.coding.matching import available_cores
 from evocity.evaluation import kernel_warmup
 from evocity.fitness.part import own_name
 from evocity.operators import OPERATORS
-from evocity.pavement import read_sides
 from evocity.recipe.recipe import Recipe
 
 #: The number of compiling processes; they wait for each other, so a third would be idle.
@@ -32,8 +32,7 @@ Sides = int | tuple[int, int]
 
 
 def kernel_parts(recipe: Recipe, selecting: bool = False) -> list[str]:
-    """List the parts of `evocity.evaluation.kernel_warmup` that the births of a ``recipe`` call;
-    ``selecting``: also those of selection, which the search calls."""
+    """List the parts of `kernel_warmup` for the births of a ``recipe``, and for ``selecting``."""
     code = recipe.genome
     names = [name for name in recipe.breeding if name in OPERATORS]
     # decoding with settled roofs has labelled the buildings already
@@ -54,11 +53,8 @@ def kernel_parts(recipe: Recipe, selecting: bool = False) -> list[str]:
 
 
 def compile_once(sides: Sides, parts: Sequence[str], tell: Callable[[str], None]) -> None:
-    """Compile those of ``parts`` that no process on this machine has compiled yet.
-
-    It reports its progress to ``tell``. It never raises: a kernel that is not compiled now is
-    compiled at its first call.
-    """
+    """Compile those of ``parts`` that this machine has not compiled yet, and ``tell`` the progress.
+    It never raises: a kernel that is not compiled now is compiled at its first call."""
     folder = accelerate.cache_folder()
     if folder is None:
         return
@@ -93,7 +89,9 @@ class _Crew:
         try:
             for number in range(count):
                 helpers.append(_start(self._sides))
-                drivers.append(threading.Thread(target=self._drive, args=(helpers[-1], number)))
+                arguments = helpers[-1], number
+                # the end of this process waits for no daemon, and so for no compilation
+                drivers.append(threading.Thread(target=self._drive, args=arguments, daemon=True))
                 drivers[-1].start()
             said, when = -1, 0.0
             while any(helper.poll() is None for helper in helpers):
@@ -134,8 +132,7 @@ class _Crew:
                 self._lock.notify_all()
 
     def _next(self, from_front: bool) -> str | None:
-        """Take the next part; None if none is left. If all of them work on genomes, it waits for
-        the search, which encodes toy cities as genomes."""
+        """Take the next part; None if none is left. Parts on genomes wait for the search."""
         with self._lock:
             while self._left:
                 ready = [
@@ -162,8 +159,9 @@ class _Crew:
 def _start(sides: Sides) -> subprocess.Popen:
     path = os.pathsep.join(one or os.getcwd() for one in sys.path)
     environment = {key: value for key, value in os.environ.items() if key != kernel_warmup.VARIABLE}
+    program = tie_to_parent(f"from {__name__} import compile_named; ")
     return subprocess.Popen(
-        [sys.executable, "-m", __name__, kernel_warmup.write_sides(sides)],
+        [sys.executable, "-c", f"{program}compile_named({sides!r})"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
@@ -173,14 +171,9 @@ def _start(sides: Sides) -> subprocess.Popen:
     )
 
 
-def _main(sides: Sides) -> None:
-    """Compile the parts that standard input names, line by line; print a line for each kernel, and
-    one at the end of each part."""
+def compile_named(sides: Sides) -> None:
+    """Compile the parts on standard input; print a line for each kernel and each finished part."""
     accelerate.watch_compiled(lambda: print("kernel", flush=True))
     for line in sys.stdin:
         kernel_warmup.warm_up(sides, [line.strip()])
         print("done", flush=True)
-
-
-if __name__ == "__main__":
-    _main(read_sides(sys.argv[1]))

@@ -13,8 +13,12 @@ Jobs = Iterator[tuple | bytes | None]
 
 
 class Engine(ABC):
-    """Carries out jobs. A job that fails costs only itself. The order and the bits of the outcomes
-    depend neither on the kind of engine nor on its size."""
+    """Carries out jobs; outcomes depend neither on the kind of engine nor on its size.
+
+    notes : sentences for the user, on what the engine cannot promise.
+    """
+
+    notes: Sequence[str] = ()
 
     @property
     @abstractmethod
@@ -24,28 +28,23 @@ class Engine(ABC):
     @property
     @abstractmethod
     def described(self) -> Mapping[str, Any]:
-        """Its entry in events and `provenance.json`: ``engine``, its kind, ``workers``, the number
-        of worker processes, and more for some kinds."""
+        """Its entry in events and `provenance.json`: ``engine``, ``workers`` and more."""
 
     def run(self, method: str, jobs: Sequence[tuple | bytes]) -> list[Outcome]:
-        """Return the outcomes of ``Evaluator.method(*job)``, in the order of ``jobs``.
-
-        Raises `RunError` if the engine cannot carry out any job.
-        """
+        """Return the outcomes of ``Evaluator.method(*job)`` in order. Raises `RunError` as
+        `stream`."""
         outcomes = dict(self.stream(method, iter(jobs)))
         return [outcomes[number] for number in range(len(jobs))]
 
     @abstractmethod
     def stream(self, method: str, jobs: Jobs) -> Iterator[tuple[int, Outcome]]:
         """Yield the outcomes of ``Evaluator.method(*job)`` as they come, each with the number of
-        its job, the count of ``jobs`` before it.
+        its job. It draws jobs when it has room; after None it draws again at the next outcome. Only
+        one stream or `run` works at a time; closing a stream drops its jobs. Raises `RunError` if
+        the engine cannot carry out any job."""
 
-        It draws jobs when it has room for them. After None it draws again at the next outcome, so a
-        job must be at work then. Only one stream runs at a time, and no `run`. If it is closed
-        before its end, its jobs are dropped.
-
-        Raises `RunError` if the engine cannot carry out any job.
-        """
+    def cancel(self) -> None:  # noqa: B027
+        """End the jobs of `stream` early, if the engine can; another thread may call it."""
 
     @abstractmethod
     def close(self) -> None:
@@ -53,11 +52,11 @@ class Engine(ABC):
 
 
 class Here(Engine):
-    """Runs every job in the calling process, one after the other: for notebooks and debuggers. It
-    has neither deadlines nor memory limits."""
+    """Runs every job in the calling process, without deadlines or memory limits, and without a
+    check of what a measure changes in the process."""
 
     size = 1
-    described: Mapping[str, Any] = {"engine": "in process", "workers": 0}
+    described: Mapping[str, Any] = {"engine": "in process", "workers": 0, "protected": False}
 
     def __init__(self, setup: Setup):
         self._evaluator = Evaluator(setup)

@@ -1,5 +1,6 @@
 """Breeding and evaluation of one individual; errors of operators and measures become outcomes."""
 
+import json
 import math
 import time
 import traceback
@@ -7,12 +8,12 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from pydantic_core import from_json
 
 from evocity import fitness
 from evocity.citymap import CityMap
 from evocity.condensation import Condensation
-from evocity.errors import EvocityError, FitnessError
-from evocity.evaluation.admission import admit
+from evocity.errors import EvocityError, FitnessError, OperatorError
 from evocity.fitness.part import Part, own_name, part_name, within
 from evocity.fitness.source_transfer import Shipment, unpacked
 from evocity.genome import Genome
@@ -20,6 +21,7 @@ from evocity.kinds import Expressed
 from evocity.pavement.levels import USUAL
 from evocity.selection.thumbprints import look_of
 from evocity.store import Header
+from evocity.store.schema import plain
 
 #: The longest error text in the log.
 MOST_LETTERS = 2000
@@ -109,12 +111,8 @@ class Evaluator:
         rng: np.random.Generator,
         measured: bool = True,
     ) -> Outcome:
-        """Breed and evaluate one individual. The outcome is that of `evaluate`, with the child's
-        genome in ``.genome``; or that of `breed` if breeding failed or the child is not to be
-        ``measured``.
-
-        Without an operator the individual is the only one of ``parents``, and has no parents.
-        """
+        """Breed and `evaluate` one individual; ``.genome`` is the child. Without an operator, the
+        individual is the only one of ``parents``."""
         if operator is None:
             return replace(self.evaluate(parents[0], small=True), genome=parents[0])
         bred = self.breed(operator, parents, rng)
@@ -144,14 +142,11 @@ class Evaluator:
         names: Collection[str] | None = None,
         small: bool = False,
     ) -> Outcome:
-        """Decode a genome and take every measure. The first error of a goal or a constraint ends
-        the evaluation, and keeps the values so far. A measure that is only recorded never ends it:
-        ``error`` says why it has no value. An undefined constraint counts as broken, and ``error``
-        names it too.
+        """Decode a genome and take every measure of ``names``, by default all.
 
-        ``parents``: the genomes that it was bred from, for measures that take them; an individual
-        without parents is its own parent. ``names``: the measures to take, by default all.
-        ``small``: with its thumbnail, if the log has them.
+        The first error of a goal or a constraint ends the evaluation, and keeps the values so far.
+        Recorded measures without a value and undefined constraints only add a reason to ``error``.
+        An individual without ``parents`` is its own parent. ``small``: with its thumbnail.
         """
         start = time.perf_counter()
         parents = parents or (genome,)
@@ -195,8 +190,7 @@ class Evaluator:
         return replace(end("ok", unrecorded(missing)), look=look_of(expressed.city))
 
     def evaluate_within(self, genome: Genome, part: Part) -> Outcome:
-        """Decode a genome and take every measure within a ``part`` of the map; a measure that has a
-        part keeps it. No error ends the evaluation: ``error`` says why a measure has no value."""
+        """Decode a genome and take every measure within a ``part`` of the map, or its own part."""
         start = time.perf_counter()
         values: dict[str, float] = {}
         expressed = self.header.chromosome.express(genome)
@@ -215,8 +209,9 @@ class Evaluator:
             return measure(expressed.of(measure.of), **extras)
         if measure.of != "city":
             raise FitnessError(
-                f"{name} is a measure of a {measure.of}, and cannot be limited to {part.name}",
-                "a measure of a city",
+                f"{name} is a measure of a {measure.of}, so it cannot be limited to the part "
+                f"{part.name}",
+                "a measure of cities, because only city maps have parts",
                 "use the measure for the whole map",
             )
         return part.measured(measure, expressed.city, genome=extras["genome"])
@@ -229,8 +224,7 @@ class Evaluator:
         values: dict[str, float],
         part: Part | None = None,
     ) -> list[str]:
-        """Add measures that are only recorded, of a ``part`` or the whole map, to the ``values``.
-        Returns the reasons of those that have no value."""
+        """Add measures that are only recorded to ``values``; returns reasons of missing values."""
         missing = []
         for name in names:
             try:
@@ -264,8 +258,7 @@ def _status(error: BaseException) -> str:
 
 
 def describe_failure(error: BaseException) -> str:
-    """Describe an ``error`` in one line: its type, its message and its place in the user's code.
-    It never raises."""
+    """Describe an ``error`` in one line with its place in the user's code; never raises."""
     try:
         if isinstance(error, EvocityError):
             return _one_line(f"{error.found} (expected: {error.expected})")[:MOST_LETTERS]
@@ -281,3 +274,32 @@ def describe_failure(error: BaseException) -> str:
 def _one_line(text: str) -> str:
     # a lone surrogate, as in the name of a strange file, cannot be encoded
     return " ".join(text[:_ENOUGH].split()).encode(errors="replace").decode()
+
+
+def admit(child, header: Header, condensation: Condensation | None = None) -> Genome:
+    """Return the genome ``child`` in the terms of the run's ``header``, with the locked layer.
+
+    Raises `OperatorError` for a child that does not suit the run, or whose ``made`` JSON cannot
+    hold.
+    """
+    kind = header.chromosome
+    if faults := kind.faults(child, header):
+        raise OperatorError("; ".join(faults), "; ".join(faults.values()), _REMEDY)
+    return kind.adopt(child, header, condensation, _written(child.made))
+
+
+_REMEDY = "correct the operator: a child has the map, the cities and the bounds of its parents"
+
+
+def _written(made: dict) -> dict:
+    """Return ``made`` as the log returns it to a resumed run."""
+    try:
+        return dict(from_json(json.dumps(made, default=plain)))
+    except (TypeError, ValueError, RecursionError) as error:
+        raise OperatorError(
+            f"the record `made` of a birth cannot be written as JSON ({type(error).__name__}: "
+            f"{error})",
+            "a dictionary with texts as keys, and with numbers, texts, lists or dictionaries as "
+            "values",
+            "change the operator to record such values, for example str(key) in place of a tuple",
+        ) from error

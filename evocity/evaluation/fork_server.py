@@ -9,6 +9,8 @@ and itself. If the nursery is killed, the system kills the workers.
 A pool sends ``{"start": token}`` with two files, the worker's connection and the pipe for its
 output, or ``{"end": token}``. The nursery sends ``hello``, ``started``, ``failed`` and ``ended``,
 each with the token. If a pool closes its connection, the nursery ends its workers.
+
+While the nursery loads kernels, it has no workers, and the system kills it with its parent.
 """
 
 import contextlib
@@ -51,8 +53,6 @@ class Nursery:
         self._count = 0
         # the temporary folders of the workers; None if it cannot be made
         self._folder: ProcessFolder | None = None
-        with contextlib.suppress(OSError):
-            self._folder = ProcessFolder(_FOLDERS)
         self._selector = selectors.DefaultSelector()
         self._selector.register(main, selectors.EVENT_READ)
         self._wake, self._woken = os.pipe()
@@ -66,6 +66,8 @@ class Nursery:
     def serve(self) -> None:
         """Serve until the main process ends."""
         try:
+            with contextlib.suppress(OSError):
+                self._folder = ProcessFolder(_FOLDERS)
             while os.getppid() == self._parent and self._step():
                 pass
         finally:
@@ -194,8 +196,7 @@ def _send(pool: socket.socket, **message) -> None:
 
 
 def main(connection: int, parent: int, tracker: int) -> None:
-    """Run the nursery. ``connection``: the descriptor of the connection to the main process, whose
-    id is ``parent``; ``tracker``: that of the main process's multiprocessing resource tracker."""
+    """Run the nursery, given the descriptors of its connection and of the resource ``tracker``."""
     from multiprocessing import resource_tracker, util
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -208,4 +209,9 @@ def main(connection: int, parent: int, tracker: int) -> None:
     from evocity.evaluation import kernel_warmup  # it loads the parts that its variable names
 
     os.environ.pop(kernel_warmup.VARIABLE, None)
-    Nursery(served, parent).serve()
+    nursery = Nursery(served, parent)  # from here on, SIGTERM ends it with its workers
+    linux_processes.outlive_parent()  # it sees the end of the parent itself, to end the workers
+    try:
+        nursery.serve()
+    finally:
+        os._exit(0)  # Python would free all libraries, which takes long

@@ -1,4 +1,5 @@
-"""Messages between the main process and a worker: a length, then as many pickled bytes."""
+"""Messages to a worker: a length, then as many pickled bytes. `evocity.evaluation.answers` are the
+messages from it, which are never unpickled."""
 
 import socket
 import struct
@@ -7,7 +8,9 @@ from typing import Any
 
 LENGTH = struct.Struct("<Q")
 #: The longest message; a greater length means that something else wrote into the connection.
-MOST_BYTES = 1 << 33
+MOST_BYTES = 1 << 31
+#: The method of a message that asks for the digest of the canary.
+CHECK = "check"
 
 
 def write_frame(message: Any) -> bytes:

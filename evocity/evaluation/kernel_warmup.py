@@ -50,11 +50,7 @@ def write_sides(sides: int | tuple[int, int]) -> str:
 
 
 def warm_up(sides: int | tuple[int, int], parts: Sequence[str]) -> None:
-    """Load every kernel that ``parts`` call with range blocks of these ``sides``, px: one, or the
-    finest and the largest.
-
-    It never raises: the first birth that needs a broken kernel reports its error.
-    """
+    """Load every kernel that ``parts`` call with range blocks of these ``sides``; never raises."""
     for part in parts:
         _load(sides, part)
 
@@ -89,7 +85,8 @@ def _load(block: int | tuple[int, int], part: str) -> None:
             measure = fitness.get(name)
             toys = [_toy(1, block), _toy(2, block)]
             genome = _genomes(block)[0] if needs_genomes(part) else None
-            given = {"genome": genome, "parents": (genome,), "sources": toys, "reference": toys}
+            beside = [_toy(1, 16), _toy(2, 16)]  # with enough streets to compare
+            given = {"genome": genome, "parents": (genome,), "sources": toys, "reference": beside}
             measure(toys[0], **{key: value for key, value in given.items() if key in measure.takes})
 
 
@@ -106,8 +103,7 @@ def _genomes(block: int | tuple[int, int]) -> list:
 
 @cache
 def _toy(seed: int, block: int | tuple[int, int]) -> CityMap:
-    """Make a toy city of 15 × 15 range blocks, or fewer large ones; its lots do not lie on their
-    grid."""
+    """Make a toy city of 15 × 15 range blocks, or fewer large ones, with lots off their grid."""
     block = block if isinstance(block, int) else block[1]
     blocks = min(15, max(3, 96 // block))
     side = blocks * block

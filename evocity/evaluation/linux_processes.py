@@ -9,12 +9,16 @@ import time
 from collections.abc import Collection
 from functools import cache
 
+from evocity.child_process import PDEATHSIG
+
 LINUX = sys.platform.startswith("linux")
 
-#: Options of prctl(2).
-_PDEATHSIG, _CHILD_SUBREAPER = 1, 36
+#: An option of prctl(2).
+_CHILD_SUBREAPER = 36
 #: Seconds that killed processes may take to end.
 _SWEEP = 2.0
+#: The most times that the processes of a session are listed and killed.
+_ROUNDS = 20
 
 
 @cache
@@ -24,9 +28,15 @@ def _libc() -> ctypes.CDLL:
 
 def die_with_parent(parent: int) -> None:
     """Make the system kill this process when the process ``parent`` ends."""
-    _libc().prctl(_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
+    _libc().prctl(PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
     if os.getppid() != parent:  # it ended before
         os._exit(1)
+
+
+def outlive_parent() -> None:
+    """Undo `die_with_parent`, and `tie_to_parent` of `evocity.child_process`: the end of the parent
+    no longer kills this process."""
+    _libc().prctl(PDEATHSIG, 0, 0, 0, 0)
 
 
 def adopt_orphans() -> None:
@@ -82,10 +92,27 @@ def kill_group(pid: int) -> None:
             os.killpg(pid, signal.SIGKILL)
 
 
+def kill_session(pid: int) -> None:
+    """Send SIGKILL to all processes of the session that ``pid`` leads or led. On other systems
+    than Linux, only its own process group gets the signal."""
+    kill_group(pid)
+    if not LINUX or pid == os.getsid(0):
+        return
+    session = b"%d" % pid
+    for _ in range(_ROUNDS):  # a killed process may have started another one meanwhile
+        others = [
+            one
+            for one in map(int, filter(str.isdigit, os.listdir("/proc")))
+            if (found := _stat(one)) and found[3] == session and found[0] not in (b"Z", b"X")
+        ]
+        if not others:
+            return
+        for one in others:
+            kill(one)
+
+
 def sweep(spared: Collection[int]) -> None:
-    """Kill the children of this process, except those ``spared``, with all their descendants, and
-    wait for them, at most two seconds. If this process adopts orphans, it also kills the children
-    of a killed child."""
+    """Kill all but the ``spared`` children with their descendants; wait two seconds at most."""
     me, end = os.getpid(), time.monotonic() + _SWEEP
     while True:
         left = [one for one in children(me) if one not in spared]
@@ -144,8 +171,8 @@ def _proportional_memory(pid: int) -> int:
 
 
 def added_memory(pid: int, before: int, allowed: int) -> int:
-    """Return the bytes of memory that a process and its descendants have added to those it had
-    ``before``. If they seem more than ``allowed``, shared memory counts only once."""
+    """Return the bytes that a process and its descendants added to ``before``; above ``allowed``,
+    shared memory counts once."""
     family = [pid, *descendants(pid)]
     added = sum(map(resident_memory, family)) - before
     if added > allowed and len(family) > 1:

@@ -3,17 +3,15 @@
 import contextlib
 import io
 import os
-import re
 import sys
 from functools import cache
+
+from evocity.errors import plain_text
 
 #: The most bytes that are kept of one birth's output.
 MOST_PRINTED = 4096
 #: The most bytes to drain at once, and the size of the pipe.
 _AT_ONCE = 1 << 20
-
-# Characters that move the cursor or colour a terminal.
-_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 
 class Budget:
@@ -59,11 +57,8 @@ def stream(descriptor: int, budget: Budget) -> io.TextIOWrapper:
 
 
 class Drain:
-    """The main process's end of the pipe that a worker prints into; it empties the pipe.
-
-    It keeps up to `MOST_PRINTED` bytes of the current birth. ``flooded``: whether the birth printed
-    more; the pool then empties the pipe less often, and the printing worker waits.
-    """
+    """The main process's end of the pipe that a worker prints into. It keeps `MOST_PRINTED` bytes
+    of a birth; ``flooded`` says that the birth printed more, and must wait."""
 
     def __init__(self, descriptor: int):
         self.descriptor = descriptor
@@ -78,8 +73,7 @@ class Drain:
                 fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, _AT_ONCE)
 
     def drain(self) -> None:
-        """Read what the pipe holds, but at most `_AT_ONCE` bytes: endless output must not keep the
-        caller."""
+        """Read what the pipe holds, but at most `_AT_ONCE` bytes of endless output."""
         total = 0
         with contextlib.suppress(BlockingIOError):
             while total < _AT_ONCE:
@@ -107,7 +101,7 @@ class Drain:
         self._kept.clear()
         self.flooded = False
         text = kept.decode(errors="replace").replace("\r\n", "\n").replace("\r", "\n")
-        text = _CONTROL.sub("", text)
+        text = plain_text(text, "\n\t")
         if text and not text.endswith("\n"):
             text += "\n"
         return text + "… (this birth printed more, which is not kept)\n" if more else text

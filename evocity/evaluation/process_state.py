@@ -3,17 +3,22 @@
 So a measure that changes the folder, the environment or a signal handler changes no other birth.
 """
 
+import builtins
 import contextlib
 import faulthandler
 import gc
 import os
 import signal
 import sys
+import tempfile
 import warnings
+from operator import is_
 
 import numpy as np
 
+from evocity.errors import RunError
 from evocity.evaluation import linux_processes
+from evocity.evaluation.floating_point import FloatingPoint
 
 try:
     import resource
@@ -25,8 +30,31 @@ _LIMITS = ("NOFILE", "FSIZE", "DATA", "AS", "STACK", "CPU", "NPROC")
 #: Signals whose handlers to restore.
 _SIGNALS = ("SIGTERM", "SIGINT", "SIGALRM", "SIGCHLD", "SIGHUP", "SIGUSR1", "SIGUSR2", "SIGPIPE")
 _MASKS = hasattr(signal, "pthread_sigmask")
+# As they are before a measure may replace them.
+_all, _map = all, map
 #: The lowest descriptor of a worker's own files: measures that close the first ones spare them.
 _HIGH = 200
+
+
+#: Open files that a worker and the process that starts workers may need.
+_FILES = _HIGH + 56
+
+
+def require_open_files() -> None:
+    """Raise this process's soft limit of open files where workers need more than it allows. Raises
+    `RunError` if the hard limit is lower than that."""
+    if resource is None:
+        return
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft == resource.RLIM_INFINITY or soft >= _FILES:
+        return
+    if hard != resource.RLIM_INFINITY and hard < _FILES:
+        raise RunError(
+            f"this process may open only {hard} files",
+            f"at least {_FILES}: worker processes need them",
+            f"raise the limit, for example with: ulimit -n {4 * _FILES}; or use no workers",
+        )
+    resource.setrlimit(resource.RLIMIT_NOFILE, (_FILES, hard))
 
 
 def move_descriptor(descriptor: int) -> int:
@@ -41,11 +69,13 @@ def move_descriptor(descriptor: int) -> int:
 
 
 class ProcessState:
-    """The state of this process now. `restore` puts back all that differs, and ends the processes
-    that were started since."""
+    """The state of this process now; `restore` puts it back and ends newer processes."""
 
     def __init__(self):
+        self._floating_point = FloatingPoint()
+        self._builtins = dict(builtins.__dict__)
         self._folder = os.getcwd()
+        self._temporary = tempfile.gettempdir()
         self._environment = dict(os.environ)
         self._encoded = dict(_encoded_environment())
         self._mask = os.umask(0o077)
@@ -71,6 +101,8 @@ class ProcessState:
 
     def restore(self) -> bool:
         """Restore the state. Returns whether all is restored; if not, the worker must end."""
+        self._floating_point.restore()  # before anything computes
+        self._restore_builtins()
         for number, limits in self._limits.items():
             if resource.getrlimit(number) != limits:
                 try:
@@ -89,6 +121,9 @@ class ProcessState:
             os.environ.clear()
             os.environ.update(self._environment)
         os.umask(self._mask)
+        if not os.path.isdir(self._temporary):
+            with contextlib.suppress(OSError):
+                os.mkdir(self._temporary, 0o700)
         return True
 
     def _end_processes(self) -> None:
@@ -104,6 +139,12 @@ class ProcessState:
             if _file_id(low) != file_id:
                 with contextlib.suppress(OSError):
                     os.dup2(kept, low)
+
+    def _restore_builtins(self) -> None:
+        """Undo changes of built-in functions; new ones stay, since a library may count on them."""
+        names = builtins.__dict__
+        if not _all(_map(is_, names.values(), self._builtins.values())):
+            names.update(self._builtins)
 
     def _restore_interpreter(self) -> None:
         sys.stdin, sys.stdout, sys.stderr = self._streams

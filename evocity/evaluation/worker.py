@@ -1,7 +1,8 @@
 """The main loop of a worker process: one job after the other.
 
 The worker receives its setup once, then jobs, and sends outcomes. After each birth it undoes what a
-measure did to the process, see `evocity.evaluation.process_state`.
+measure did to the process, see `evocity.evaluation.process_state`; when asked, it evaluates its
+canary, see `evocity.evaluation.canary`.
 """
 
 import contextlib
@@ -17,16 +18,24 @@ from multiprocessing import connection, spawn
 
 from evocity.errors import format_bytes
 from evocity.evaluation import linux_processes
+from evocity.evaluation.answers import (
+    Answer,
+    Checked,
+    Ready,
+    write_answer,
+    write_checked,
+    write_ready,
+)
+from evocity.evaluation.canary import Canary
 from evocity.evaluation.evaluator import Evaluator, Outcome, Setup, describe_failure
-from evocity.evaluation.frames import receive, unpickle, write_frame
+from evocity.evaluation.frames import CHECK, receive, unpickle
 from evocity.evaluation.kernel_warmup import warm_up
 from evocity.evaluation.output import Budget, stream
 from evocity.evaluation.process_state import ProcessState, move_descriptor
 
 
 def run_forked(connection: int, output: int) -> None:
-    """Run a worker that the nursery forked, until its process ends. ``connection``, ``output``:
-    descriptors of its connection, and of the pipe for its output."""
+    """Run a worker that the nursery forked, with the descriptors of connection and output."""
     served = socket.socket(fileno=move_descriptor(connection))
     for low in (1, 2):
         os.dup2(output, low)
@@ -60,25 +69,38 @@ def _serve(served: socket.socket) -> None:
         evaluator = _make_evaluator(setup)
         if os.getpid() != me:
             os._exit(0)
+        canary = _make_canary(evaluator, setup)
         state, limit = ProcessState(), Limit(memory)
-        served.sendall(write_frame(("ready", linux_processes.resident_memory(me))))
+        found = (canary.expected, canary.seconds) if canary else ("", 0.0)
+        served.sendall(write_ready(Ready(linux_processes.resident_memory(me), *found)))
         while True:
             number, method, arguments = receive(served)
+            if method == CHECK:
+                served.sendall(write_checked(Checked(canary.digest() if canary else "")))
+                continue
             budget.renew()
             outcome = _carry_out(evaluator, limit, method, arguments)
             outcome = _restore_folders(outcome, setup.moved)
             if os.getpid() != me:  # a copy that a measure forked must not answer
                 os._exit(0)
             leaves = not state.restore() or outcome.status == "memory" or limit.is_half_used()
-            served.sendall(write_frame(("answer", number, outcome, leaves)))
+            last = canary.digest() if canary and leaves else ""
+            served.sendall(_write_outcome(number, outcome, leaves, last))
             if leaves:
                 break
     os._exit(0)
 
 
+def _write_outcome(number: int, outcome: Outcome, leaves: bool, canary: str) -> bytes:
+    try:
+        return write_answer(Answer(number, outcome, leaves, canary))
+    except BaseException as error:
+        failed = Outcome("error", describe_failure(error))
+        return write_answer(Answer(number, failed, leaves, canary))
+
+
 def _prepare(preparation: dict | None, environment: dict | None) -> None:
-    """Take over the main process's folder, path, main module and environment; None for what the
-    worker has already."""
+    """Take over the main process's state; None for what the worker has already."""
     if environment is not None:
         own = {name: os.environ[name] for name in ("TMPDIR",) if name in os.environ}
         os.environ.clear()
@@ -105,6 +127,16 @@ def _make_evaluator(setup: Setup) -> Evaluator | Outcome:
         return Evaluator(setup)
     except BaseException as error:  # as an outcome, so that the pool does not start workers forever
         return Outcome("error", f"the worker could not be set up: {describe_failure(error)}")
+
+
+def _make_canary(evaluator: Evaluator | Outcome, setup: Setup) -> Canary | None:
+    """Make the canary; None without an evaluator, or for a setup that allows none."""
+    if isinstance(evaluator, Outcome):
+        return None
+    try:
+        return Canary(evaluator, setup.sides)
+    except Exception:
+        return None
 
 
 def _carry_out(
@@ -136,10 +168,7 @@ def _restore_folders(outcome: Outcome, moved: Mapping[str, str]) -> Outcome:
 
 class Limit:
     """The bytes that a birth may add to the memory that the worker has now; None without limit.
-
-    It sets Linux's limit of data, which counts writable memory. The limit of addresses would also
-    count memory that libraries reserve and never use.
-    """
+    Linux's limit of data counts writable memory; that of addresses also counts unused memory."""
 
     def __init__(self, allowed: int | None):
         self.allowed = allowed if linux_processes.LINUX else None

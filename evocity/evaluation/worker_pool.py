@@ -6,16 +6,18 @@ import selectors
 import signal
 import socket
 import time
-from collections import Counter, deque
 from collections.abc import Callable, Iterator
 
 from evocity.errors import RunError, format_bytes
 from evocity.evaluation import linux_processes
+from evocity.evaluation.answers import Answer, Checked, Ready
 from evocity.evaluation.engine import Engine, Jobs
 from evocity.evaluation.evaluator import Outcome, Setup
-from evocity.evaluation.frames import write_frame
+from evocity.evaluation.frames import CHECK, write_frame
+from evocity.evaluation.job_table import JobTable
 from evocity.evaluation.output import show
-from evocity.evaluation.worker_seat import Seat
+from evocity.evaluation.process_state import require_open_files
+from evocity.evaluation.worker_seat import Seat, SeatSelector
 from evocity.evaluation.worker_start import (
     News,
     NurseryStarter,
@@ -24,8 +26,7 @@ from evocity.evaluation.worker_start import (
     first_messages,
 )
 
-#: The most failures of the starter, without an answer of a worker in between.
-_REBUILDS = 3
+_REBUILDS = 3  # the most failures of the starter, without an answer of a worker in between
 #: The most seconds for a worker to be set up; for an answering nursery to start or end a worker.
 _SETUP, _ANSWER = 600.0, 20.0
 #: Seconds between two checks of the workers' memory; of flooded output; of ended workers, where no
@@ -36,24 +37,24 @@ _LOOK, _FLOODED, _ASK = 0.5, 0.02, 0.05
 _LATE, _BEAT = 0.2, 0.1
 # Seconds of a job so short that waiting for the next one would matter.
 _SHORT = 0.05
-# Jobs that wait for each worker: its next one, and some to choose from.
-_DRAWN = 3
-_END = object()
 # Exit codes that a measure hardly causes by itself: such a birth is done again, once.
 _FROM_OUTSIDE = tuple(
     -getattr(signal, name) for name in ("SIGKILL", "SIGTERM") if hasattr(signal, name)
 )
 
 
-class Workers(Engine):
-    """Runs jobs in ``count`` worker processes. Each job has ``timeout`` seconds, by ``clock``, and
-    may add ``memory`` bytes to its worker's memory, None without limit.
+class Cancelled(Exception):
+    """Another thread called `Workers.cancel`."""
 
-    A job that fails, hangs or ends its worker costs only that job. The pool ends a worker with all
-    its descendants. Order and bits of the outcomes do not depend on ``count``. ``retried`` is
-    called with a text when jobs are done again: a worker was killed, or the starter failed.
-    ``setup``: the `Setup`, or an object that unpickles as one. ``main``: whether workers also load
-    the main module, as processes of multiprocessing do.
+
+class Workers(Engine):
+    """Runs jobs in ``count`` worker processes.
+
+    Each job has ``timeout`` seconds of ``clock`` and may add ``memory`` bytes; None sets no limit.
+    A job that fails, hangs or ends its worker costs only that job. The outcomes of a worker wait
+    for its next good canary; after a bad one, other workers do these jobs again. ``retried`` gets a
+    text when jobs are done again. ``setup``: the `Setup`, or an object that unpickles as one.
+    ``main``: whether workers also load the main module.
     """
 
     def __init__(
@@ -66,19 +67,22 @@ class Workers(Engine):
         clock: Callable[[], float] = time.monotonic,
         main: bool = True,
     ):
+        require_open_files()
         self._setup, self._count, self._timeout = setup, count, timeout
         self._memory, self._clock, self._main = memory, clock, main
         self._retried = retried or (lambda text: None)
+        self._cancelled = False
         self._starter: NurseryStarter | SpawnStarter | None = None
         self._seats: dict[int, Seat] = {}
         self._tokens = self._failed_starts = self._breaks = 0
         self._looked = 0.0
         self._seconds = 1.0  # of a job, roughly
-        self._selector = selectors.DefaultSelector()
+        self._canary = ""  # the digest of the first worker's
+        self._selector = SeatSelector()
         self._bell, self._heard = socket.socketpair()
         self._bell.setblocking(False)
         self._selector.register(self._heard, selectors.EVENT_READ)
-        self._begin("", iter(()))
+        self._jobs = JobTable("", iter(()))
 
     @property
     def size(self) -> int:
@@ -90,15 +94,18 @@ class Workers(Engine):
 
     def stream(self, method: str, jobs: Jobs) -> Iterator[tuple[int, Outcome]]:
         """As `Engine.stream`. A stream that is closed before its end ends its workers. Raises
-        `RunError` if workers cannot be started."""
-        self._begin(method, jobs)
+        `Cancelled` after `cancel`."""
+        self._jobs = JobTable(method, jobs)
+        self._stepped = time.monotonic(), time.thread_time()
         try:
-            while self._draw():
+            while self._jobs.draw(self._count):
+                if self._cancelled:
+                    raise Cancelled
                 try:
                     self._step()
                 except StarterFailure as error:
                     self._rebuild(str(error))
-                done, self._outcomes = self._outcomes, {}
+                done, self._jobs.outcomes = self._jobs.outcomes, {}
                 yield from done.items()
         except BaseException:
             self._stop()  # nobody wants their jobs any more
@@ -116,46 +123,21 @@ class Workers(Engine):
         with contextlib.suppress(OSError):  # a full connection wakes it anyway
             self._bell.send(b"!")
 
+    def cancel(self) -> None:
+        """Make `stream` end its workers and raise `Cancelled`, at once; another thread calls it."""
+        self._cancelled = True
+        self.wake()
+
     def __del__(self):
         with contextlib.suppress(Exception):
             self.close()
 
     # -- jobs ----------------------------------------------------------------------------
 
-    def _begin(self, method: str, jobs: Jobs) -> None:
-        self._method, self._coming = method, jobs
-        self._stepped = time.monotonic(), time.thread_time()
-        self._drawn, self._ended = 0, False
-        self._jobs: dict[int, tuple] = {}  # number -> job without an outcome
-        self._outcomes: dict[int, Outcome] = {}  # to be yielded
-        self._waiting: deque[int] = deque()
-        # these run one at a time, because one of them may kill the starter
-        self._suspects: deque[int] = deque()
-        self._strikes: Counter[int] = Counter()
-
-    def _draw(self) -> bool:
-        """Draw jobs, enough for each worker's next one. Returns whether any job is to be done."""
-        while not self._ended and len(self._waiting) < _DRAWN * self._count:
-            job = next(self._coming, _END)
-            self._ended = job is _END
-            if job is None or self._ended:
-                break
-            self._jobs[self._drawn] = job
-            self._waiting.append(self._drawn)
-            self._drawn += 1
-        if not self._jobs and not self._ended:
-            raise RuntimeError("no job is given while no job is at work")
-        return bool(self._jobs)
-
-    def _settle(self, number: int, outcome: Outcome) -> None:
-        """Take the ``outcome`` of a job."""
-        del self._jobs[number]
-        self._outcomes[number] = outcome
-
     def _step(self) -> None:
         self._fill_seats()
         self._hand_out()
-        if self._outcomes:  # of jobs that cannot be sent: no worker will answer them
+        if self._jobs.outcomes:  # of jobs that cannot be sent: no worker will answer them
             return
         patience = self._patience()
         ready = self._selector.select(patience)
@@ -174,78 +156,126 @@ class Workers(Engine):
         self._judge()
 
     def _hand_out(self) -> None:
-        busy = any(seat.job is not None for seat in self._seats.values())
+        jobs = self._jobs
+        busy = any(seat.state in ("busy", "checking") for seat in self._seats.values())
         for seat in self._seats.values():
-            waiting = self._suspects or self._waiting
-            if not waiting or (self._suspects and busy):
-                return
-            if seat.state == "idle" and self._send(seat, number := waiting.popleft()):
+            if seat.state != "idle":
+                continue
+            waiting = jobs.suspects or jobs.waiting
+            stays = not waiting or (jobs.suspects and busy)
+            if seat.held and (stays or seat.needs_check or jobs.isolates(seat, waiting[0])):
+                busy = True
+                self._check(seat)
+            elif not stays and self._send(seat, number := waiting.popleft()):
                 busy, seat.job = True, number
                 seat.enter("busy", self._clock())
-        if self._seconds > _SHORT or self._suspects:
+        if self._seconds > _SHORT or jobs.suspects:
             return
         # a worker gets its next short job in advance
         for seat in self._seats.values():
-            if len(self._waiting) <= len(self._seats):
+            if len(jobs.waiting) <= len(self._seats):
                 return
-            if seat.state == "busy" and seat.next is None:
-                number = self._waiting.popleft()
+            ready = seat.state == "busy" and seat.next is None and not seat.needs_check
+            if ready and not jobs.isolates(seat, jobs.waiting[0]):
+                number = jobs.waiting.popleft()
                 seat.next = number if self._send(seat, number) else None
+
+    def _check(self, seat: Seat) -> None:
+        """Ask a worker for its canary."""
+        seat.send(write_frame((-1, CHECK, b"")))
+        seat.enter("checking", self._clock())
+        self._selector.watch(seat)
 
     def _send(self, seat: Seat, number: int) -> bool:
         """Send a job to a worker. Returns whether it could be pickled."""
         try:
-            job = self._jobs[number]
-            job = job if isinstance(job, bytes) else bytes(write_frame(job))
-            message = write_frame((number, self._method, job))
+            message = self._jobs.write(number)
         except Exception as error:
-            self._settle(number, Outcome("error", f"{type(error).__name__}: {error}"))
+            self._jobs.settle(number, Outcome("error", f"{type(error).__name__}: {error}"))
             return False
         seat.send(message)
-        self._watch(seat)
+        self._selector.watch(seat)
         return True
 
     def _listen(self, seat: Seat) -> None:
         try:
             for message in seat.messages():
-                self._hear(seat, *message)
+                self._hear(seat, message)
         except (ValueError, TypeError) as error:
             self._end(seat, Outcome("died", f"the worker sent an invalid answer: {error}"))
         if seat.hung_up and seat.closed is None:
             seat.closed = self._clock()
         if seat.drain is not None:
             seat.drain.drain()
-        self._watch(seat)
+        self._selector.watch(seat)
 
-    def _hear(self, seat: Seat, what: str, *details) -> None:
-        """Take a message of a worker: it is ready, or answers a job."""
+    def _hear(self, seat: Seat, message: Ready | Answer | Checked) -> None:
+        """Take a message of a worker: it is ready, answers a job, or evaluated its canary."""
         show(seat.text())
-        if what == "ready":
-            (seat.resident,) = details
-            seat.enter("idle", self._clock())
-            self._failed_starts = 0
-            return
-        number, outcome, leaves = details
-        if seat.state != "busy" or number != seat.job or not isinstance(outcome, Outcome):
-            raise ValueError(f"job {number!r}")
-        self._settle(number, outcome)
-        now, self._breaks = self._clock(), 0
-        self._seconds += (now - seat.since - self._seconds) / 10
-        seat.job = None
-        if seat.next is not None and not leaves:
-            seat.job, seat.next = seat.next, None
-        seat.enter("ending" if leaves else "idle" if seat.job is None else "busy", now)
+        if isinstance(message, Ready) and seat.state == "starting":
+            self._take_ready(seat, message)
+        elif isinstance(message, Checked) and seat.state == "checking":
+            if self._judge_canary(seat, message.canary):
+                seat.enter("idle", self._clock())
+        elif isinstance(message, Answer) and seat.state == "busy" and message.number == seat.job:
+            self._take_answer(seat, message)
+        elif seat.state != "ending":
+            raise ValueError(f"{type(message).__name__}, though the worker is {seat.state}")
 
-    def _end(self, seat: Seat, outcome: Outcome | None = None) -> None:
-        """End a worker, and its job with this ``outcome``; without one, the job waits again."""
-        if seat.job is not None and outcome is not None:
-            self._settle(seat.job, outcome)
-        elif seat.job is not None:
-            self._waiting.appendleft(seat.job)
-        seat.job = None
+    def _take_ready(self, seat: Seat, ready: Ready) -> None:
+        seat.set_up(ready)
+        self._canary = self._canary or ready.canary
+        if ready.canary not in ("", self._canary):
+            self._failed_starts += 1
+            self._retried("a new worker computes other values than the first: it is replaced")
+            self._end(seat)
+            return
+        seat.enter("idle", self._clock())
+        self._failed_starts = 0
+
+    def _take_answer(self, seat: Seat, answer: Answer) -> None:
+        now, self._breaks = self._clock(), 0
+        seconds, seat.job = now - seat.since, None
+        self._seconds += (seconds - self._seconds) / 10
+        seat.hold(answer.number, answer.outcome, seconds)
+        judged = answer.leaves or not seat.canary
+        if judged and not self._judge_canary(seat, answer.canary):
+            return
+        if seat.next is not None and not answer.leaves:
+            seat.job, seat.next = seat.next, None
+        seat.enter("ending" if answer.leaves else "idle" if seat.job is None else "busy", now)
+
+    def _judge_canary(self, seat: Seat, digest: str) -> bool:
+        """Settle what a worker held if its canary is good, else end it. Returns whether it is."""
+        if digest != seat.canary:
+            self._end(seat, Outcome("died", "the worker computes other values"), failed=True)
+            return False
+        for number, outcome in seat.take_held():
+            self._jobs.settle(number, outcome)
+        return True
+
+    def _end(self, seat: Seat, outcome: Outcome | None = None, failed: bool = False) -> None:
+        """End a worker, and its job with this ``outcome``; without one, the job waits again, as do
+        those whose outcomes it held. ``failed``: whether its check failed."""
+        if failed or (seat.state == "checking" and outcome is not None):
+            self._retried(self._jobs.fail(seat.take_held()))
+        self._release(seat, outcome)
         if seat.state != "ending":
             seat.enter("ending", self._clock())
             self._starter.end(seat.token)
+
+    def _release(self, seat: Seat, outcome: Outcome | None = None) -> None:
+        """Take the jobs from a worker that ends: its job has this ``outcome``, or waits again."""
+        again = [number for number, _ in seat.held]
+        if seat.job is not None and outcome is not None:
+            self._jobs.settle_ended(seat, outcome)
+        elif seat.job is not None:
+            again.append(seat.job)
+        if seat.next is not None:  # a job that the worker has not begun
+            again.append(seat.next)
+        seat.job = seat.next = None
+        seat.take_held()
+        self._jobs.requeue(again)
 
     # -- workers -------------------------------------------------------------------------
 
@@ -265,7 +295,7 @@ class Workers(Engine):
             self._starter.start(seat.token, seat.theirs, seat.output)
             seat.close_worker_ends()
             seat.send(self._first)
-            self._watch(seat)
+            self._selector.watch(seat)
 
     def _take(self, news: News) -> None:
         """Take the news that a worker started or ended."""
@@ -279,31 +309,30 @@ class Workers(Engine):
         show(seat.text())
         number = seat.job
         if number is not None:
-            seconds = self._clock() - seat.since
-            self._strikes[number] += 1
-            if news.code in _FROM_OUTSIDE and self._strikes[number] < 2:
-                self._waiting.appendleft(number)
-                code = linux_processes.describe_exit_code(news.code)
+            self._jobs.strikes[number] += 1
+            code = linux_processes.describe_exit_code(news.code)
+            if news.code in _FROM_OUTSIDE and self._jobs.strikes[number] < 2:
+                self._release(seat)
                 self._retried(f"a worker was killed ({code}); its birth is done again")
             else:
-                code = linux_processes.describe_exit_code(news.code)
                 text = f"the worker ended with exit code {code}"
-                self._settle(number, Outcome("died", text, seconds))
+                self._release(seat, Outcome("died", text, self._clock() - seat.since))
+        elif seat.state == "checking":
+            self._retried(self._jobs.fail(seat.take_held()))
         elif seat.state == "starting":
             self._failed_starts += 1
         self._remove(seat)
         if self._failed_starts > self._count + 1:
             raise RunError(
                 "the worker processes end before they start work",
-                "worker processes that start",
-                "in a script, start the search under `if __name__ == '__main__':`; "
-                "otherwise try workers=0, which shows the error",
+                "worker processes that start and wait for work",
+                "in a script, start the search under `if __name__ == '__main__':`; or set "
+                "workers=0 to see the error",
             )
 
     def _remove(self, seat: Seat) -> None:
-        if seat.next is not None:  # a job that the worker has not begun
-            self._waiting.appendleft(seat.next)
-        self._unwatch(seat)
+        self._release(seat)
+        self._selector.unwatch(seat)
         seat.close()
         del self._seats[seat.token]
 
@@ -312,9 +341,10 @@ class Workers(Engine):
         now = self._clock()
         for seat in list(self._seats.values()):
             spent = now - seat.since
-            if seat.state == "busy" and spent > self._timeout:
-                if not self._strikes[seat.job] and linux_processes.is_stopped(seat.pid):
-                    self._strikes[seat.job] += 1  # a stopped worker cannot answer
+            if seat.state in ("busy", "checking") and spent > self._timeout:
+                strikes, number = self._jobs.strikes, seat.first
+                if not strikes[number] and linux_processes.is_stopped(seat.pid):
+                    strikes[number] += 1  # a stopped worker cannot answer
                     self._end(seat)
                     self._retried("a worker was stopped past its deadline; its birth is done again")
                 else:
@@ -335,8 +365,7 @@ class Workers(Engine):
             self._judge_memory()
 
     def _forgive(self, patience: float) -> None:
-        """Take from the workers' times a standstill of this process: if it was stopped, they may
-        have been stopped with it. It had neither processor time nor ``patience`` to wait."""
+        """Take a standstill of this process, longer than ``patience``, from the workers' times."""
         before, worked = self._stepped
         self._stepped = time.monotonic(), time.thread_time()
         still = self._stepped[0] - before - (self._stepped[1] - worked) - patience
@@ -358,21 +387,24 @@ class Workers(Engine):
                     self._end(seat, Outcome("memory", text, self._clock() - seat.since))
 
     def _rebuild(self, reason: str) -> None:
-        """After a failure of the starter, end all workers and do their jobs again, one at a time.
-        A job that fails it twice, the second time as the only one, is to blame."""
+        """End all workers after a failure of the starter, and do their jobs again, one at a time. A
+        job that fails it twice, the second time as the only one, is to blame."""
         lost = [seat.job for seat in self._seats.values() if seat.job is not None]
-        self._strikes.update(lost)
+        jobs = self._jobs
+        jobs.strikes.update(lost)
+        for seat in self._seats.values():
+            seat.job = None
         self._stop(abandon=True)
-        if len(lost) == 1 and self._strikes[lost[0]] > 1:
+        if len(lost) == 1 and jobs.strikes[lost[0]] > 1:
             text = "it ended the process that starts the workers"
-            self._settle(lost[0], Outcome("died", text))
+            jobs.settle(lost[0], Outcome("died", text))
         else:
-            self._suspects.extend(one for one in lost if one not in self._suspects)
+            jobs.suspects.extend(one for one in lost if one not in jobs.suspects)
             self._breaks += 1
         if self._breaks > _REBUILDS:
             raise RunError(
                 f"the worker processes cannot be started: {reason}",
-                "a system that lets evocity start and end processes",
+                "an operating system that allows evocity to start and end processes",
                 "try fewer workers, or workers=0",
             )
         self._retried(reason)
@@ -396,7 +428,7 @@ class Workers(Engine):
         """Return the seconds until the next check is due."""
         now, until = self._clock(), [_SETUP]
         for seat in self._seats.values():
-            if seat.state == "busy":
+            if seat.state in ("busy", "checking"):
                 until += [seat.since + self._timeout - now, _BEAT]
             elif seat.state == "ending" or not seat.pid:
                 until.append(seat.since + _ANSWER - now)
@@ -407,25 +439,3 @@ class Workers(Engine):
         if self._starter.handle is None:
             until.append(_ASK)
         return max(0.0, min(until)) + 0.001
-
-    def _watch(self, seat: Seat) -> None:
-        """Select on a worker's messages, on its output unless flooded, and on room to send."""
-        events = selectors.EVENT_READ | (selectors.EVENT_WRITE if seat.has_unsent else 0)
-        self._register(seat.handle.fileno(), 0 if seat.hung_up else events, seat)
-        if seat.drain is not None:
-            calm = not seat.drain.flooded and not seat.drain.ended
-            self._register(seat.drain.descriptor, selectors.EVENT_READ if calm else 0, seat)
-
-    def _unwatch(self, seat: Seat) -> None:
-        self._register(seat.handle.fileno(), 0, seat)
-        if seat.drain is not None:
-            self._register(seat.drain.descriptor, 0, seat)
-
-    def _register(self, descriptor: int, events: int, seat: Seat) -> None:
-        before = self._selector.get_map().get(descriptor)
-        if before is None and events:
-            self._selector.register(descriptor, events, seat)
-        elif before is not None and not events:
-            self._selector.unregister(descriptor)
-        elif before is not None and events != before.events:
-            self._selector.modify(descriptor, events, seat)

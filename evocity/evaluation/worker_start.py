@@ -19,8 +19,10 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from multiprocessing import resource_tracker, spawn, util
+from queue import SimpleQueue
 from typing import Any
 
+from evocity.child_process import tie_to_parent
 from evocity.errors import describe_error
 from evocity.evaluation import linux_processes
 from evocity.evaluation.evaluator import Setup
@@ -40,8 +42,8 @@ ONE_THREAD = dict.fromkeys(
     ),
     "1",
 )
-#: The most seconds for the nursery to end a pool's workers.
-_CLOSING = 10.0
+#: The most seconds for the nursery to end a pool's workers; to end itself while it warms up.
+_CLOSING, _COLD = 10.0, 0.5
 
 
 class StarterFailure(Exception):
@@ -73,6 +75,7 @@ class NurseryStarter:
                 socket.send_fds(self._nursery.socket, [b"pool"], [theirs.fileno()])
         finally:
             theirs.close()
+        self._nursery.pools += 1
         self.answered = False
 
     @property
@@ -106,7 +109,7 @@ class NurseryStarter:
             message = json.loads(received)
             self.answered = True
             if "hello" in message:
-                self._nursery.folder = message["folder"]
+                self._nursery.warm, self._nursery.folder = True, message["folder"]
             elif "started" in message:
                 news.append(News(message["started"], "started", message["pid"]))
             elif "ended" in message:
@@ -115,7 +118,16 @@ class NurseryStarter:
                 news.append(News(message["failed"], "ended"))
 
     def close(self) -> None:
-        """End all workers, and wait until they are gone."""
+        """End all workers, and wait until they are gone. A nursery that still warms up has none: it
+        ends too, unless another pool waits for it."""
+        with contextlib.suppress(StarterFailure):
+            self.news()
+        self._nursery.pools -= 1
+        if not self._nursery.warm:
+            if not self._nursery.pools:
+                self._nursery.end()
+            self._socket.close()
+            return
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_WR)
             end = time.monotonic() + _CLOSING
@@ -149,13 +161,16 @@ class _Nursery:
             "from evocity.evaluation.fork_server import main; "
             f"main({theirs.fileno()}, {self.owner}, {tracker})"
         )
-        command = [spawn.get_executable(), *util._args_from_interpreter_flags(), "-c", program]
+        flags = util._args_from_interpreter_flags()
+        command = [spawn.get_executable(), *flags, "-c", tie_to_parent(program)]
         parts = ",".join([write_sides(setup.sides), *setup.parts])
+        files, self._ended = [theirs.fileno(), tracker], threading.Event()
         with block_ctrl_c(), set_environment(ONE_THREAD | {VARIABLE: parts}):
-            files = [theirs.fileno(), tracker]
-            self.pid = util.spawnv_passfds(command[0], command, files)
+            self.pid = _start_tied(command, files, self._ended)
         theirs.close()
         self.alive = True
+        self.warm = False  # whether it said hello
+        self.pools = 0
         self.folder: str | None = None  # the workers' temporary folders, once it said hello
 
     def is_running(self) -> bool:
@@ -170,16 +185,21 @@ class _Nursery:
 
     def _clean_up(self) -> None:
         self.alive = False
+        self._ended.set()
         self.socket.close()
         if self.folder is not None:  # a killed nursery does not remove it
             shutil.rmtree(self.folder, ignore_errors=True)
 
     def end(self) -> None:
-        """Close the connection, so that the nursery ends its workers and itself."""
+        """Close the connection, so that the nursery ends its workers and itself. Waits for it, but
+        not for one that warms up."""
         if not self.is_running():
             return
         self.socket.close()
-        end = time.monotonic() + _CLOSING
+        end = time.monotonic() + (_CLOSING if self.warm else _COLD)
+        if not self.warm:
+            with contextlib.suppress(OSError):
+                os.kill(self.pid, signal.SIGTERM)
         while self.is_running():
             if time.monotonic() > end:
                 self.kill()
@@ -194,6 +214,26 @@ class _Nursery:
         with contextlib.suppress(ChildProcessError):
             os.waitpid(self.pid, 0)
         self._clean_up()
+
+
+def _start_tied(command: list[str], files: list[int], ended: threading.Event) -> int:
+    """Start a ``command`` that inherits ``files``, and return its process id. It dies with the
+    thread that starts it, so this is a thread of its own, which stays until it has ``ended``."""
+    results: SimpleQueue = SimpleQueue()
+
+    def start() -> None:
+        try:
+            results.put(util.spawnv_passfds(command[0], command, files))
+        except Exception as error:
+            results.put(error)
+        else:
+            ended.wait()
+
+    threading.Thread(target=start, name="nursery", daemon=True).start()
+    result = results.get()
+    if isinstance(result, Exception):
+        raise result
+    return result
 
 
 _the_nursery: _Nursery | None = None

@@ -1,4 +1,4 @@
-"""Compiled loops over whole maps: horizons, counts in boxes, sums under windows."""
+"""Compiled loops over whole maps and lists of sizes: horizons, counts, sums, fitted laws."""
 
 import numpy as np
 
@@ -256,3 +256,200 @@ def nearest(y, x, distances, which):
         for k in range(most):
             distances[i, k], which[i, k] = np.sqrt(squares[k]), numbers[k]
     return tied
+
+
+@kernel
+def law_beyond(m, wide, rank):
+    """How far the ends of a law of exponent ``m`` lie beyond the smallest and the largest of the
+    sizes, which are ``wide`` apart; all are natural logarithms.
+
+    The share ``rank`` of the law lies beyond each. No end lies more than 1 beyond.
+    """
+    steep = abs(m)
+    if steep * wide < 1e-6:
+        near = far = rank * wide / (1.0 - 2.0 * rank)
+    else:
+        last = np.exp(-steep * wide)  # density at the thin end, if it is 1 at the other
+        share = rank * (1.0 - last) / (1.0 - 2.0 * rank)
+        near = np.log1p(share) / steep
+        far = -np.log1p(-share / last) / steep if share < last else 1.0
+    near, far = min(near, 1.0), min(far, 1.0)
+    return (near, far) if m >= 0 else (far, near)
+
+
+@kernel
+def law_moments(y):
+    """(mean, variance) of the law on [0, 1] with the density ∝ e^{−y t}."""
+    if abs(y) < 1e-2:
+        return 0.5 - y / 12.0 + y**3 / 720.0, 1.0 / 12.0 - y * y / 240.0
+    half = 2.0 * np.sinh(y / 2.0)
+    return 1.0 / y - 1.0 / np.expm1(y), 1.0 / (y * y) - 1.0 / (half * half)
+
+
+@kernel
+def fit_ranges(logs, below, above, starts, stops, least, fits):
+    """fits[:, i, j] = (exponent, its standard error, lower end, upper end, Kolmogorov-Smirnov
+    distance) of the law of the sizes starts[i] : stops[j]; NaN if these are fewer than ``least``,
+    or all alike.
+
+    ``logs`` are the natural logarithms of the sizes, sorted. Each size is only known to lie
+    between ``below`` and ``above``. The ends are logarithms too; half a size lies beyond each.
+    """
+    sums = np.zeros(logs.size + 1)
+    for k in range(logs.size):
+        sums[k + 1] = sums[k] + logs[k] - logs[0]
+    for i in range(starts.size):
+        for j in range(stops.size):
+            first, n = starts[i], stops[j] - starts[i]
+            fits[:, i, j] = np.nan
+            if n < least or logs[stops[j] - 1] <= logs[first]:
+                continue
+            low, wide = logs[first], logs[stops[j] - 1] - logs[first]
+            mean = logs[0] - low + (sums[stops[j]] - sums[first]) / n
+            m, length, near = 0.0, wide, 0.0
+            for _ in range(100):  # Newton's steps; the ends follow the exponent
+                near, far = law_beyond(m, wide, 0.5 / n)
+                length = near + wide + far
+                at, variance = law_moments(m * length)
+                before = m
+                m += (at - (mean + near) / length) / (variance * length)
+                m = min(max(m, -60.0 / wide), 60.0 / wide)
+                if abs(m - before) * wide < 1e-10:
+                    break
+            a, steep = low - near, abs(m) * length > 1e-9
+            whole = np.expm1(-m * length) if steep else length
+            distance = 0.0
+            for k in range(n):
+                down, up = below[first + k] - a, above[first + k] - a
+                if steep:
+                    down, up = np.expm1(-m * down), np.expm1(-m * up)
+                distance = max(distance, down / whole - k / n, (k + 1) / n - up / whole)
+            fits[0, i, j], fits[4, i, j] = m, distance
+            fits[1, i, j] = 1.0 / (length * np.sqrt(n * law_moments(m * length)[1]))
+            fits[2, i, j], fits[3, i, j] = a, a + length
+
+
+@kernel
+def order_nearby(middles, sums, reach, order):
+    """order[i] = |Σ (sums[0] + i sums[1])| / Σ sums[2] over the points of ``middles`` (2, n) within
+    ``reach`` of point i, itself among them."""
+    count, most = order.size, reach * reach
+    for i in range(count):
+        real, imaginary, total = 0.0, 0.0, 0.0
+        for j in range(count):
+            across, up = middles[0, j] - middles[0, i], middles[1, j] - middles[1, i]
+            if across * across + up * up <= most:
+                real += sums[0, j]
+                imaginary += sums[1, j]
+                total += sums[2, j]
+        order[i] = np.sqrt(real * real + imaginary * imaginary) / total
+
+
+@kernel
+def stand_elsewhere(places, pixels, apart, heads, following, again):
+    """again[i] = whether the place of pixel i, or one around it, belongs to a pixel that is more
+    than ``apart`` px from pixel i, along rows or columns.
+
+    ``places`` (3, n) are the city, row and column of each pixel, ``pixels`` (2, n) its row and
+    column on the map. ``heads``, zeros, a square whose side is a power of two, and ``following``
+    (n,) become lists of the pixels whose places lie alike in the square.
+    """
+    mask = np.int64(heads.shape[0] - 1)
+    count = again.size
+    for i in range(count):
+        v, u = places[1, i] & mask, places[2, i] & mask
+        following[i] = heads[v, u]
+        heads[v, u] = i + 1
+    for i in range(count):
+        seen = False
+        for v in range(places[1, i] - 1, places[1, i] + 2):
+            for u in range(places[2, i] - 1, places[2, i] + 2):
+                j = np.int64(0) if seen else np.int64(heads[v & mask, u & mask])
+                while j > 0:
+                    k = j - 1
+                    if places[1, k] == v and places[2, k] == u and places[0, k] == places[0, i]:
+                        down = abs(pixels[0, k] - pixels[0, i])
+                        along = abs(pixels[1, k] - pixels[1, i])
+                        if max(down, along) > apart:
+                            seen = True
+                            break
+                    j = np.int64(following[k])
+        again[i] = seen
+
+
+@kernel
+def add_moments(labels, y, x, sums):
+    """Adds to ``sums`` (n, 12), over the pixels of each building i + 1 of ``labels``, with z = x +
+    i y from its centroid (x[i], y[i]): |z|², z², z²z̄, z³, |z|⁴, z³z̄, z⁴, complex ones in pairs."""
+    for row in range(labels.shape[0]):
+        for column in range(labels.shape[1]):
+            label = labels[row, column]
+            if label == 0:
+                continue
+            i = np.uintp(label - 1)
+            b, a = row - y[i], column - x[i]
+            square = a * a + b * b
+            real, imaginary = a * a - b * b, 2 * a * b
+            sums[i, 0] += square
+            sums[i, 1] += real
+            sums[i, 2] += imaginary
+            sums[i, 3] += square * a
+            sums[i, 4] += square * b
+            sums[i, 5] += real * a - imaginary * b
+            sums[i, 6] += real * b + imaginary * a
+            sums[i, 7] += square * square
+            sums[i, 8] += square * real
+            sums[i, 9] += square * imaginary
+            sums[i, 10] += real * real - imaginary * imaginary
+            sums[i, 11] += 2 * real * imaginary
+
+
+@kernel
+def come_again(table, slack, again):
+    """again[i] = whether another column of ``table`` (F, n), whose first row rises, differs in no
+    row from column i by more than the smaller ``slack`` (F, n) of both."""
+    rows, count = table.shape
+    for i in range(count):
+        for j in range(i + 1, count):
+            if table[0, j] - table[0, i] > slack[0, i]:
+                break
+            equal = True
+            for row in range(rows):
+                least = min(slack[row, i], slack[row, j])
+                if abs(table[row, j] - table[row, i]) > least:
+                    equal = False
+                    break
+            if equal:
+                again[i] = again[j] = True
+
+
+@kernel
+def first_walls(built, ground, start, ray, reach, distance):
+    """distance[i] = how far the first built pixel is from start[:, i], row and column, px, along
+    ray[:, i], in steps of half a pixel; −1 if it is ``reach[i]`` or more, or beyond the map or its
+    open ``ground``."""
+    rows, columns = built.shape
+    for i in range(reach.size):
+        distance[i] = -1.0
+        for k in range(np.int64(np.ceil(2 * reach[i]))):
+            row = np.int64(np.floor(start[0, i] + 0.5 * k * ray[0, i]))
+            column = np.int64(np.floor(start[1, i] + 0.5 * k * ray[1, i]))
+            if row < 0 or column < 0 or row >= rows or column >= columns:
+                break
+            if built[row, column]:
+                distance[i] = 0.5 * k
+            if not ground[row, column]:
+                break
+
+
+@kernel
+def fullest_strips(values, starts, width, most):
+    """most[g] = how many of the rising values[starts[g] : starts[g + 1]] lie at most ``width``
+    apart."""
+    for g in range(most.size):
+        first, best = starts[g], 0
+        for last in range(starts[g], starts[g + 1]):
+            while values[last] - values[first] > width:
+                first += 1
+            best = max(best, last - first + 1)
+        most[g] = best

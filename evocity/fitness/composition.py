@@ -5,9 +5,8 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from numbers import Real
 
-from evocity.errors import FitnessError
+from evocity.errors import FitnessError, is_number
 from evocity.fitness.goals import Objective
 from evocity.fitness.measure import Measure
 
@@ -19,9 +18,10 @@ WEIGHTED = "weighted sum"
 
 @dataclass(frozen=True)
 class Constraint:
-    """Bounds on a measure: ``low`` ≤ value ≤ ``high``; None for no bound.
+    """Bounds on the value of a measure: ``low`` ≤ value ≤ ``high``; None means no bound.
 
-    Raises `FitnessError` unless one or both are finite numbers, the lower first.
+    Raises `FitnessError` if both bounds are None, if a bound is not finite, or if ``low`` is not
+    below ``high``.
 
     >>> from evocity.fitness import gsi
     >>> Constraint(gsi, 0.2, 0.4).violation(0.5)
@@ -34,9 +34,7 @@ class Constraint:
 
     def __post_init__(self):
         bounds = [bound for bound in (self.low, self.high) if bound is not None]
-        numbers = all(
-            isinstance(b, Real) and not isinstance(b, bool) and math.isfinite(b) for b in bounds
-        )
+        numbers = all(is_number(bound) and math.isfinite(bound) for bound in bounds)
         if not bounds or not numbers or (len(bounds) == 2 and bounds[0] >= bounds[1]):
             raise FitnessError(
                 f"the bounds {self.low} and {self.high} of {self.measure.name} are invalid",
@@ -45,9 +43,10 @@ class Constraint:
             )
 
     def violation(self, value: float) -> float:
-        """Compute how far ``value`` lies beyond the bounds; 0 within them.
+        """Compute how far ``value`` lies outside the bounds; 0 means inside.
 
-        The unit is the distance between the bounds, or the size of a single bound (1 if that is 0).
+        The unit of a violation is the distance between the two bounds. With a single bound, the
+        unit is the bound's absolute value, or 1 if the bound is 0.
         """
         if math.isnan(value):
             return _MOST
@@ -67,8 +66,8 @@ class Constraint:
 class Wanted:
     """The aim of one measure: an objective, a constraint, or both.
 
-    weight, total : its loss counts ``weight`` times in the sum called ``total``; a total of None
-        makes it an objective of its own.
+    weight : factor of the measure's loss in a weighted sum.
+    total : name of the weighted sum; None makes the measure a separate objective.
     """
 
     measure: Measure
@@ -78,14 +77,15 @@ class Wanted:
     total: str | None = None
 
     def loss(self, value: float) -> float:
-        """Compute the objective's loss, or without an objective the violation; lower is better."""
+        """Compute the loss of the objective, or the violation of the constraint if there is no
+        objective."""
         loss = self.constraint.violation if self.objective is None else self.objective.loss
         return _finite(loss(value))
 
 
 @dataclass(frozen=True)
 class Aims:
-    """The aims of all measures, in the recipe's order.
+    """The aims of all measures of a search, in the order of the recipe.
 
     >>> from evocity.fitness import crumbs, fsi, gsi
     >>> aims = Aims((
@@ -120,17 +120,17 @@ class Aims:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the objectives: that of a measure, or of a sum."""
+        """Names of the objectives; each is the name of a measure or of a weighted sum."""
         return tuple(self._terms)
 
     @property
     def bounds(self) -> frozenset[str]:
-        """Names of the measures that are constraints only."""
+        """Names of the measures that have a constraint and no objective."""
         return frozenset(aim.measure.name for aim in self.wanted if aim.objective is None)
 
     def reweighted(self, weights: Mapping[str, float]) -> "Aims":
-        """Return the same aims with other ``weights``, by name, of measures that count in sums; the
-        method ignores other names."""
+        """Return a copy of these aims with new ``weights``; the argument maps names of measures to
+        weights. The method ignores measures that do not belong to a weighted sum."""
         return Aims(
             tuple(
                 replace(aim, weight=weights[aim.measure.name])
@@ -141,29 +141,28 @@ class Aims:
         )
 
     def complete(self, values: Mapping[str, float]) -> bool:
-        """Check whether ``values`` have a number for each objective. All successful births do,
-        unless they are older than the objective."""
+        """Check whether the ``values`` of a birth include a number for each objective. A successful
+        birth lacks a number for an objective only if the objective is newer than the birth."""
         return not any(math.isnan(values.get(name, math.nan)) for name in self._objectives)
 
     def losses(self, values: Mapping[str, float]) -> tuple[float, ...]:
-        """Compute one loss for each objective from raw ``values``, lower is better, always finite.
+        """Compute one loss for each objective from raw ``values``. All losses are finite, and lower
+        losses are better.
 
-        A missing measure has the worst loss.
+        A measure without a value has the worst loss.
         """
-        return tuple(
-            _finite(
-                _sum(
-                    _finite(w.weight * w.loss(values.get(w.measure.name, math.nan))) for w in terms
-                )
-            )
-            for terms in self._terms.values()
-        )
+
+        def weighted(aim: Wanted) -> float:
+            return _finite(aim.weight * aim.loss(values.get(aim.measure.name, math.nan)))
+
+        return tuple(_finite(_sum(map(weighted, terms))) for terms in self._terms.values())
 
     def violation(self, values: Mapping[str, float]) -> float:
-        """Sum the violations of all constraints; 0 where all hold (feasible).
+        """Sum the violations of all constraints; the sum is 0 if all constraints hold.
 
-        A measure that ``values`` lack is undefined and breaks its bound. Values that are not
-        `complete` cannot be compared; they have the greatest violation, so they come last.
+        A measure without a value counts as undefined and violates its constraint. If the values
+        lack a number for an objective (see `complete`), the violation is the greatest possible,
+        because the birth cannot be compared.
         """
         if not self.complete(values):
             return _MOST

@@ -1,4 +1,4 @@
-"""Measures of curves and shapes: length, sinuosity, dimension, distance to a line or a picture.
+"""Measures of curves, shapes and sites: length, dimension, distance to a line or a picture.
 
 A GeoJSON file of one line, ``shore.geojson``, declares a measure of curves, ``shore_distance``. A
 PNG picture, ``leaf.png``, declares a measure of shapes, ``leaf_distance``.
@@ -12,8 +12,10 @@ import numpy as np
 
 from evocity.errors import FitnessError
 from evocity.fitness.measure import Undefined
-from evocity.fitness.registry import TABLES, fitness
+from evocity.fitness.registry import TABLES, fitness, name_of_file
 
+#: Reach of a course, metres from its bank.
+NEAR = 50.0
 #: Most pixels along a side of a picture.
 MOST_SIDE = 4096
 # Number of places along a line at which its distance to another is measured.
@@ -26,9 +28,9 @@ _SIDE = 256
 
 @fitness(of="curve", unit="m", range=(0, math.inf))
 def curve_length(curve) -> float:
-    """Length of the curve, or of a site's first course.
+    """Length of the curve; for a site, the length of the site's first course.
 
-    Formula: Σ of the distances of successive points, at least 256 points.
+    Formula: sum of the distances between successive points of the curve, at least 256 points.
     Unit: metres. Range: 0 upwards.
     Source: none needed.
     """
@@ -37,10 +39,10 @@ def curve_length(curve) -> float:
 
 @fitness(of="curve", range=(1, math.inf))
 def sinuosity(curve) -> float:
-    """Ratio of the curve's length to the straight distance of its ends.
+    """Ratio of the curve's length to the straight distance between its ends.
 
-    Formula: length / distance of the ends. Range: 1 (straight) upwards. Undefined for a curve that
-    ends where it begins.
+    Formula: length of the curve / distance between its ends. Range: 1 (straight) upwards. The
+    measure is undefined for a curve that ends where it begins.
     Source: Schumm 1963, for rivers.
     """
     distance = float(np.hypot(*(curve.line[-1] - curve.line[0])))
@@ -51,10 +53,11 @@ def sinuosity(curve) -> float:
 
 @fitness(of="curve", range=(0, 2))
 def curve_dimension(curve) -> float:
-    """Box dimension of the curve: 1 for a smooth curve, more for a rough one.
+    """Box dimension of the curve: 1 for a smooth curve, and more than 1 for a rough curve.
 
-    Formula: −slope of ln N(ε) on ln ε, with N(ε) the number of boxes of side ε that meet the curve,
-    drawn at 256 px across its extent. Sides are 4 to 64 px. Range: 0 to 2.
+    Formula: −slope of ln N(ε) on ln ε, with N(ε) the number of boxes of side ε that the curve
+    passes. The longer side of the drawn curve has 256 px, and the boxes have sides of 4 to 64 px.
+    Range: 0 to 2.
     Source: Mandelbrot 1967.
     """
     low, high = curve.line.min(axis=0), curve.line.max(axis=0)
@@ -66,10 +69,10 @@ def curve_dimension(curve) -> float:
 
 @fitness(of="curve", goal="max", range=(0, 1))
 def simplicity(curve) -> float:
-    """Simplicity of the curve: 1 for a straight one, 1/k for one of k straight pieces.
+    """Simplicity of the curve: 1 for a straight line, and 1/k for a line of k straight pieces.
 
-    Formula: 1 / k, with k the number of straight pieces of the curve after Douglas and Peucker's
-    method, within a hundredth of its extent. Range: above 0 to 1.
+    Formula: 1 / k, with k the number of straight pieces after simplification by Douglas and
+    Peucker's method. The tolerance is a hundredth of the curve's extent. Range: above 0 to 1.
     Source: Douglas & Peucker 1973.
     """
     import shapely
@@ -81,10 +84,10 @@ def simplicity(curve) -> float:
 
 @fitness(of="shape", range=(0, 2))
 def shape_dimension(shape) -> float:
-    """Box dimension of the shape, at the run's pixels.
+    """Box dimension of the shape, counted in the pixels of the run.
 
-    Formula: as for `curve_dimension`, over the pixels of the shape. Range: 0 to 2. Undefined below
-    64 px.
+    Formula: that of `curve_dimension`, applied to the pixels of the shape. Range: 0 to 2. The
+    measure is undefined for windows of less than 64 × 64 px.
     Source: Mandelbrot 1967; `evocity.shapes` has the exact dimension for similitudes.
     """
     return _dimension(shape.mask)
@@ -92,11 +95,60 @@ def shape_dimension(shape) -> float:
 
 @fitness(of="shape", range=(0, 1))
 def shape_cover(shape) -> float:
-    """Share of the window that the shape covers, at the run's pixels. Range: 0 to 1.
+    """Share of the window that the shape covers, counted in the pixels of the run. Range: 0 to 1.
 
     Source: none needed.
     """
     return shape.mask.mean()
+
+
+@fitness(of="site", goal="min", range=(0, 1))
+def built_area_lost(site) -> float:
+    """Share of the built ground that the courses of the site cover.
+
+    Formula: number of built pixels under the courses / number of all built pixels, on the map
+    without courses. Range: 0 to 1. The measure is undefined for a site without buildings.
+    Source: none needed.
+    """
+    built = site.before.built
+    if not built.any():
+        return Undefined("a fabric without buildings")
+    return np.count_nonzero(built & site.mask) / np.count_nonzero(built)
+
+
+@fitness(of="site", goal="max", range=(0, 1))
+def buildings_near_course(site) -> float:
+    """Share of the buildings that lie within 50 m of a course, such as a river through the site.
+
+    Formula: number of buildings with a pixel within 50 m of a course / number of all buildings, on
+    the map with its courses. Distances are measured between the centres of pixels. Range: 0 to 1.
+    The measure is undefined for a site without buildings.
+    Source: none needed.
+    """
+    labels = site.city.building_labels
+    count = labels.max(initial=0)
+    if not count:
+        return Undefined("no building to measure")
+    return len(np.setdiff1d(np.unique(labels[_near(site)]), [0])) / count
+
+
+@fitness(of="site", goal="max", unit="m²", range=(0, math.inf))
+def area_within_reach(site) -> float:
+    """Area of the built ground within 50 m of a course, such as a river through the site.
+
+    Formula: n · a on the map with its courses, with n the number of built pixels within 50 m of a
+    course, and a the area of a pixel. Distances are measured between the centres of pixels. Unit:
+    m². Source: none needed.
+    """
+    return np.count_nonzero(site.city.built & _near(site)) * site.metres_per_pixel**2
+
+
+def _near(site) -> np.ndarray:
+    """Select the pixels within reach of a course, without those of the courses: bool ``(H, W)``."""
+    import scipy
+
+    distance = scipy.ndimage.distance_transform_edt(~site.mask) * site.metres_per_pixel
+    return (distance <= NEAR) & ~site.mask
 
 
 def _dimension(mask: np.ndarray) -> float:
@@ -139,7 +191,7 @@ def _declare_line(stem: str, content: bytes) -> None:
     """Declare the measure ``stem_distance`` of a line in GeoJSON."""
     from evocity.kinds.window_lines import cut_to_window, line_in, place_line
 
-    name = _check_stem(stem, ".geojson")
+    name = name_of_file(stem, ".geojson", "target")
     points, degrees = line_in(content, name)
     known: dict[object, np.ndarray] = {}
 
@@ -160,7 +212,7 @@ def _declare_line(stem: str, content: bytes) -> None:
 def _declare_picture(stem: str, content: bytes) -> None:
     """Declare the measure ``stem_distance`` of a picture in PNG: pixels darker than half are the
     target."""
-    name = _check_stem(stem, ".png")
+    name = name_of_file(stem, ".png", "target")
     dark = _read_dark(content, name)
     known: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
@@ -194,7 +246,7 @@ def _read_dark(content: bytes, name: str) -> np.ndarray:
                         f"the picture has {picture.width} × {picture.height} px, which is too "
                         "large",
                         f"at most {MOST_SIDE} px along each side",
-                        "shrink the picture",
+                        "shrink the picture to this size",
                     )
                 over = Image.new("RGBA", picture.size, "white")
                 over.alpha_composite(picture.convert("RGBA"))
@@ -204,14 +256,14 @@ def _read_dark(content: bytes, name: str) -> np.ndarray:
     except Exception as error:  # Pillow raises many exceptions for damaged files
         raise FitnessError(
             f"the picture cannot be read ({type(error).__name__})",
-            "a PNG",
-            "export the picture again",
+            "a complete PNG file",
+            "export the picture again as a PNG file",
         ) from None
     if not dark.any() or dark.all():
         raise FitnessError(
             f"the picture is {'all' if dark.all() else 'nowhere'} dark",
             "a dark shape on a light ground",
-            "draw a shape, or invert the picture",
+            "draw a dark shape on a light ground, or invert the picture",
         )
     return dark
 
@@ -222,16 +274,6 @@ def _resample(dark: np.ndarray, pixels: int) -> np.ndarray:
     resampled = np.zeros((pixels, pixels), bool)
     resampled[rows, columns] = True
     return resampled
-
-
-def _check_stem(stem: str, suffix: str) -> str:
-    if not stem.isidentifier():
-        raise FitnessError(
-            f"the file name {stem}{suffix} cannot name a measure",
-            "a file name that is a valid name of a measure",
-            f"rename the file, for example to target{suffix}",
-        )
-    return f"{stem}{suffix}"
 
 
 TABLES[".geojson"] = _declare_line

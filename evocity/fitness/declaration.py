@@ -1,4 +1,4 @@
-"""Checks of a measure's declaration: function, numbers, goal, unit and range.
+"""Checks of a measure's declaration: function, numbers, goal, unit, range and data files.
 
 All of them raise `FitnessError` for a wrong declaration.
 """
@@ -6,6 +6,7 @@ All of them raise `FitnessError` for a wrong declaration.
 import contextlib
 import inspect
 from collections.abc import Mapping, Sequence
+from pathlib import PurePosixPath
 
 from evocity.errors import FitnessError
 from evocity.fitness.measure import EXTRAS, shown
@@ -17,7 +18,7 @@ def check_function(function) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """List the names of `EXTRAS` that the ``function`` needs, and those that it takes."""
     if not inspect.isfunction(function) or not function.__name__.isidentifier():
         raise FitnessError(
-            f"@evocity.fitness(...) stands above {shown(function)}",
+            f"@evocity.fitness(...) stands above {shown(function)}, not above a named function",
             "a function with a name",
             f"write {HOW_TO_DECLARE}",
         )
@@ -30,9 +31,8 @@ def check_function(function) -> tuple[tuple[str, ...], tuple[str, ...]]:
     except TypeError as error:
         raise FitnessError(
             f"{function.__name__}{signature}: {error}",
-            f"a function of the city map: def {function.__name__}(city):; it may also take "
-            f"{', '.join(EXTRAS)}",
-            "take only these parameters, and give all others default values",
+            f"the parameter city first, then only optional parameters: {', '.join(EXTRAS)}",
+            "remove all other parameters, or give them default values",
         ) from None
     return needs, takes
 
@@ -44,7 +44,7 @@ def check_numbers(numbers: Sequence[str]) -> tuple[str, ...]:
     right = all(isinstance(name, str) and name.isidentifier() for name in names)
     if not (listed and right and len(set(names)) == len(names)):
         raise FitnessError(
-            f"numbers = {numbers!r}",
+            f"numbers = {numbers!r} is not a list of different names",
             'names of the numbers that the function returns, for example ("count", "tallest")',
             "leave numbers out if the function returns one number",
         )
@@ -62,7 +62,7 @@ def check_goal(goal) -> str | None:
         raise FitnessError(
             f"goal = {goal!r} is not a goal",
             '"max", "min" or None',
-            "give targets in the recipe (target = 0.35, or like = a city), not here",
+            "choose one of these goals; a target, such as target = 0.35, belongs in the recipe",
         )
     return goal
 
@@ -83,7 +83,25 @@ def check_bounds(range) -> tuple[float, float]:
         if low < high:
             return low, high
     raise FitnessError(
-        f"range = {range!r}",
-        "two numbers, the lower first; use float('inf') for no bound",
+        f"range = {range!r} is not a pair of bounds",
+        "two numbers, the lower number first; float('inf') means no bound",
         "write for example range=(0, 1)",
+    )
+
+
+def check_names(data: str | Sequence[str]) -> tuple[str, ...]:
+    """Check the names of ``data`` files, one or several: relative to a folder and within it.
+
+    Raises `FitnessError` for anything else.
+    """
+    names = (data,) if isinstance(data, str) else data
+    if isinstance(names, Sequence) and all(isinstance(name, str) and name for name in names):
+        paths = [PurePosixPath(name) for name in names]
+        within = all(p.parts and not p.is_absolute() and ".." not in p.parts for p in paths)
+        if within and not any(set(name) & set("\\:\0") for name in names):
+            return tuple(dict.fromkeys(map(str, paths)))
+    raise FitnessError(
+        f"data = {shown(data)} is not a list of data files",
+        'files in the folder of the Python file, or in a folder within it, for example "trees.csv"',
+        "give the paths of the files, relative to that folder, with / between folders",
     )

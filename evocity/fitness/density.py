@@ -32,10 +32,9 @@ def gsi(city: CityMap) -> float:
 def fsi(city: CityMap) -> float:
     """Floor space index: floor area per unit of ground.
 
-    Formula: F / A, with A the area of the map. F is the sum of floors over the built pixels, times
-    the area of a pixel; the floors of a pixel are h / 3 m, rounded.
-    Unit: none. Range: 0 upwards. Empty map: 0.
-    Source: Berghauser Pont & Haupt, Spacematrix (2010).
+    Formula: F / A, with A the area of the map, and F the area of a pixel times the number of floors
+    of all built pixels. The number of floors of a pixel is its height divided by 3 m, rounded.
+    Unit: none. Range: 0 upwards. Empty map: 0. Source: Berghauser Pont & Haupt, Spacematrix (2010).
 
     >>> heights = np.zeros((8, 8))
     >>> heights[:4, :4] = 9
@@ -51,9 +50,9 @@ def osr(city: CityMap) -> float:
 
     A low ratio means that many floors share little open ground.
 
-    Formula: (1 − GSI) / FSI, see `gsi` and `fsi`.
-    Unit: none. Range: 0 (no open ground) upwards. Empty map: NaN (nothing is built).
-    Source: Berghauser Pont & Haupt, Spacematrix (2010), who also call it spaciousness.
+    Formula: (1 − GSI) / FSI, with GSI and FSI the measures `gsi` and `fsi`. Unit: none. Range: 0
+    (no open ground) upwards. Empty map: NaN (nothing is built). Source: Berghauser Pont & Haupt,
+    Spacematrix (2010), who call this ratio spaciousness, too.
 
     >>> heights = np.zeros((8, 8))
     >>> heights[:4, :4] = 9
@@ -70,8 +69,8 @@ def osr(city: CityMap) -> float:
 def storeys(city: CityMap) -> float:
     """Mean number of floors of built ground, weighted by footprint.
 
-    Formula: L = FSI / GSI, see `fsi` and `gsi`.
-    Unit: none. Range: 1 upwards, because pixels lower than half a floor do not count as built.
+    Formula: FSI / GSI, with FSI and GSI the measures `fsi` and `gsi`.
+    Unit: none. Range: 1 upwards, because pixels below half a floor in height do not count as built.
     Empty map: NaN (nothing is built).
     Source: Berghauser Pont & Haupt, Spacematrix (2010).
 
@@ -88,9 +87,9 @@ def storeys(city: CityMap) -> float:
 def mean_height(city: CityMap) -> float:
     """Mean height of built ground, weighted by footprint.
 
-    Formula: Σ h / n over the n built pixels.
+    Formula: Σ h / n over the n built pixels, with h the height of a pixel.
     Unit: metres. Range: above 0. Empty map: NaN (nothing is built).
-    Source: none needed, a plain mean.
+    Source: a plain mean.
 
     >>> heights = np.zeros((8, 8))
     >>> heights[:4, :4] = 9

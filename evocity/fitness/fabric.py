@@ -3,14 +3,14 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from evocity.citymap import CityMap
 from evocity.errors import FitnessError
 from evocity.fitness import _kernels
-from evocity.fitness.measure import Undefined
+from evocity.fitness.energy import mean_distance
+from evocity.fitness.measure import Undefined, keep_result
 from evocity.fitness.reference import Reference
 from evocity.fitness.registry import fitness
 from evocity.genome import Genome
@@ -33,30 +33,33 @@ _CONSTANT = 1e-6
 def fabric_distance(
     city: CityMap, reference: Reference, genome: Genome | None = None
 ) -> Mapping[str, float]:
-    """Distance of the shapes of buildings from those of other cities; about 0 if alike.
+    """Distance between the shapes of the map's buildings and those of buildings in other cities;
+    similar shapes give about 0.
 
     Five features count for each building of 24 m² or more: logarithm of the area, elongation,
     rectangularity, convexity, and share of party walls. Gaps and steps of height separate
-    buildings. Three further numbers add one feature each. `fabric_distance.roughness` adds the
-    standard deviation of the heights within the building, `fabric_distance.height` its mean
-    height. `fabric_distance.direction` adds the direction of its walls (as cos 4θ and sin 4θ:
-    walls square to each other have one direction).
+    buildings. The function returns three further distances, each with one additional feature. The
+    number `fabric_distance.roughness` adds the standard deviation of the heights within a building.
+    The number `fabric_distance.height` adds the mean height of a building. The number
+    `fabric_distance.direction` adds the direction of the walls, as cos 4θ and sin 4θ, so that
+    perpendicular walls have one direction.
 
-    The reference is a city, or several with weights. A building weighs the weight of its city,
-    divided by the city's number of buildings. For the source cities of a run the genome gives the
-    weights: the built ground of the map that comes from a city, divided by the built ground of
-    that city. A map of whole buildings of its sources then has a distance of about 0.
+    The reference is one city, or several cities with weights. Each building has the weight of its
+    city, divided by the number of buildings in this city. If the reference holds the source cities
+    of a run, the genome gives the weight of each city. The weight of a city is the built ground of
+    the map that comes from the city, divided by all built ground of the city. A map made of whole
+    buildings of its source cities therefore has a distance of about 0.
 
-    Each feature is divided by its standard deviation in the reference, over all its cities with
-    equal weights. So the scale is the same for every map. A feature that is the same in all
-    buildings of the reference does not count (`left_out` names it).
+    The measure divides each feature by its standard deviation in the reference, with equal weights
+    for all cities. The unit of the distance is therefore the same for every map. A feature that has
+    the same value in all buildings of the reference does not count.
 
-    Formula: 2 E\\|X − Y\\| − E\\|X − X′\\| − E\\|Y − Y′\\|, with X and X′ two different buildings
-    of the city, Y and Y′ two of the reference. The estimate is unbiased: a map against itself has
-    about 0, a little below.
-    Unit: none, deviations of the reference. Two windows of one real city differ by about .05,
-    Montpellier from Lyon by 1.1. Range: a little below 0, upwards. Empty map: NaN, as where the
-    map or the reference has fewer than 20 buildings.
+    Formula: 2 E\\|X − Y\\| − E\\|X − X′\\| − E\\|Y − Y′\\|, with E the mean over pairs, X and X′
+    two different buildings of the city, and Y and Y′ two of the reference. The estimate is
+    unbiased: a map compared with itself has a value slightly below 0. Unit: none; features count in
+    standard deviations of the reference. Two parts of one real city have a distance of about .05;
+    the distance between Montpellier and Lyon is 1.1. Range: from slightly below 0 upwards.
+    Empty map: NaN. The distance is NaN if the map or the reference has fewer than 20 buildings.
     Source: energy distance, Székely & Rizzo 2013 (Journal of Statistical Planning and Inference
     143:1249-1272); "statistical distributions extracted from real cities", Marsault 2005 §4.2.
 
@@ -82,10 +85,10 @@ def fabric_distance(
     if reason:
         return dict.fromkeys(NUMBERS, Undefined(reason))
     own = scaled.scale(own)
-    between = np.array([scaled.mean(own, other) for other in scaled.buildings])
+    between = np.array([mean_distance(own, other, scaled.ends) for other in scaled.buildings])
     numbers = (
         2 * np.einsum("k,kn", shares, between)
-        - scaled.mean(own, own)
+        - mean_distance(own, own, scaled.ends)
         - np.einsum("k,l,kln", shares, shares, scaled.within)
     )
     return dict(zip(NUMBERS, numbers.tolist(), strict=True))
@@ -104,6 +107,7 @@ def left_out(reference) -> tuple[str, ...]:
     return scaled.left_out
 
 
+@keep_result
 def features(city: CityMap) -> np.ndarray:
     """Compute `FEATURES`, then `FURTHER`, of the n buildings of 24 m² or more: float64 ``(9, n)``.
 
@@ -111,8 +115,6 @@ def features(city: CityMap) -> np.ndarray:
     has no direction: its rows hold 0 and 0. About 0.5 ms at 256² once `CityMap.buildings` has
     its shapes.
     """
-    if city in _features:
-        return _features[city]
     table = city.buildings
     large = table.area >= CRUMB
     long, short = table.box.T
@@ -131,8 +133,7 @@ def features(city: CityMap) -> np.ndarray:
             pointing * np.sin(turn),
         ]
     )
-    _features[city] = np.ascontiguousarray(stacked[:, large])
-    return _features[city]
+    return np.ascontiguousarray(stacked[:, large])
 
 
 def _roughness(city: CityMap) -> np.ndarray:
@@ -165,28 +166,13 @@ class _Scaled:
     def scale(self, table: np.ndarray) -> np.ndarray:
         return (table[self.rows] / self.deviation[self.rows, None]).astype(np.float32)
 
-    def mean(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return _mean(x, y, self.ends)
 
-
-def _mean(x: np.ndarray, y: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Average the distances of the columns of ``x`` and ``y``: ``(numbers,)``; 0 without any pair.
-
-    If both are one array, only pairs of two different columns count.
-    """
-    sums, n = np.zeros(ends.size), x.shape[1]
-    _kernels.distances(x, y, ends, x is y, sums)
-    return sums / max(n * (n - 1) / 2 if x is y else n * y.shape[1], 1)
-
-
+@keep_result
 def _scaled_reference(reference: Reference) -> _Scaled | Undefined:
-    if reference in _references:
-        return _references[reference]
     tables = [features(city) for city in reference.cities]
     counts = [table.shape[1] for table in tables]
     reason = _too_few("the reference", sum(counts))
-    _references[reference] = Undefined(reason) if reason else _scale(reference, tables, counts)
-    return _references[reference]
+    return Undefined(reason) if reason else _scale(reference, tables, counts)
 
 
 def _scale(reference: Reference, tables: list, counts: list[int]) -> _Scaled | Undefined:
@@ -216,7 +202,7 @@ def _scale(reference: Reference, tables: list, counts: list[int]) -> _Scaled | U
     scaled.buildings.extend(map(scaled.scale, tables))
     for k, one in enumerate(scaled.buildings):
         for m, other in enumerate(scaled.buildings[: k + 1]):
-            scaled.within[k, m] = scaled.within[m, k] = scaled.mean(one, other)
+            scaled.within[k, m] = scaled.within[m, k] = mean_distance(one, other, scaled.ends)
     return scaled
 
 
@@ -226,7 +212,3 @@ def _too_few(where: str, count: int) -> str:
     return (
         f"{count} buildings of {CRUMB:.0f} m² or more in {where}; fewer than {FEWEST} tell nothing"
     )
-
-
-_features: WeakKeyDictionary[CityMap, np.ndarray] = WeakKeyDictionary()
-_references: WeakKeyDictionary[Reference, _Scaled | Undefined] = WeakKeyDictionary()

@@ -1,7 +1,7 @@
-"""Local imports of a file of measures: modules of its folder, importable only while it loads.
+"""Local imports of a file of measures, importable only while it loads, and its data files.
 
-The names leave ``sys.modules`` afterwards. So two folders may each have a ``helper.py``, and an
-edited file is read again.
+The names of modules leave ``sys.modules`` afterwards. So two folders may each have a ``helper.py``,
+and an edited file is read again.
 """
 
 import contextlib
@@ -13,6 +13,12 @@ from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from importlib.util import spec_from_file_location
 from pathlib import Path
 from types import CodeType, ModuleType
+
+from evocity.errors import FitnessError, reason_of
+from evocity.fitness.measure import Measure
+
+#: Most bytes of all data files that the measures of a file name.
+MOST_DATA = 64_000_000
 
 _INSTALLED = tuple(sysconfig.get_paths()[kind] for kind in ("purelib", "platlib"))
 
@@ -86,3 +92,32 @@ def _is_taken(name: str) -> bool:
         return True
     file = getattr(sys.modules.get(name), "__file__", None) or ""
     return file.startswith(_INSTALLED)
+
+
+def read_data(folder: Path, measures: Sequence[Measure]) -> dict[Path, bytes]:
+    """Read the data files in a ``folder`` that ``measures`` name: their content by path.
+
+    Raises `FitnessError` for a file that cannot be read, and for more than `MOST_DATA` bytes.
+    """
+    contents: dict[Path, bytes] = {}
+    for name in dict.fromkeys(name for measure in measures for name in measure.data):
+        path = folder / name
+        try:
+            size = path.stat().st_size + sum(map(len, contents.values()))
+            if size <= MOST_DATA:
+                contents[path] = path.read_bytes()
+                continue
+        except OSError as error:
+            raise FitnessError(
+                f"the data file {name!r} cannot be read: {reason_of(error)}",
+                f"a file of this name in the folder {folder}",
+                "put the file into this folder, or correct its name in the parameter 'data'",
+            ) from None
+        raise FitnessError(
+            f"the data files up to {name!r} have {size / 1e6:.0f} MB in all",
+            f"at most {MOST_DATA / 1e6:.0f} MB, because runs store these files and send them to "
+            "clusters",
+            "shrink the files; or remove the files from the parameter 'data', and read them from a "
+            "path that exists on all machines",
+        )
+    return contents

@@ -22,14 +22,14 @@ from evocity.genome import Genome
 
 #: Names of the further arguments that a measure may take besides the city.
 EXTRAS = ("reference", "genome", "parents", "sources")
-_LACKING = {
-    "reference": "give the city to compare with: reference=CITY; in a recipe reference = [CITY]; "
-    "evocity score --reference CITY",
-}
+_NO_REFERENCE = (
+    "give the city to compare with: reference=CITY; in a recipe reference = [CITY]; "
+    "evocity score --reference CITY"
+)
 
 
 class Undefined(float):
-    """NaN with a reason: a measure returns it where its formula has no meaning.
+    """NaN with a reason; a measure returns it for a map on which its formula has no meaning.
 
     >>> value = Undefined("no building to measure")
     >>> value, value.reason
@@ -48,35 +48,40 @@ class Undefined(float):
 class Measure:
     """A named function from a city map to one number, with goal, unit and range.
 
-    Call it on a `CityMap`, or on the form that it is ``of``. It returns a float, or NaN (often an
-    `Undefined`) where the measure has no meaning. It raises `FitnessError`, with file and line, if
-    the function raises, or returns anything but one finite real number or NaN.
+    Call a measure with a `CityMap`, or with an object of the type that the attribute ``of`` names.
+    The call returns a float; for a map without a meaningful value it returns NaN, often as an
+    `Undefined`. If the function raises an error, or returns neither a finite real number nor NaN,
+    the call raises `FitnessError` with file and line.
 
     Attributes
     ----------
-    name : the function's name, which recipes, logs and tables use. If the function returns several
-        numbers, the name of each is function.number.
-    function : the plain function, ``function(city) -> float``; it may take the arguments
-        ``reference``, ``genome``, ``parents`` and ``sources`` too.
-    goal : "max" or "min", the default of a search; None if the recipe must give a goal, a target,
-        or a city to be like.
+    name : name of the function, which recipes, logs and tables use. If the function returns several
+        numbers, the name of each measure is function.number.
+    function : the Python function, ``function(city) -> float``. Besides the city, the function may
+        take the arguments ``reference``, ``genome``, ``parents`` and ``sources``.
+    goal : default goal of a search, "max" or "min"; None if the recipe must give a goal, a target
+        value, or a city to resemble.
     unit : the unit of the number; "" for a pure number.
-    range : lowest and highest value; ``inf`` for no bound.
-    doc : the function's documentation.
-    file : the file that declares it.
-    line : the line in that file.
-    needs : the names of `EXTRAS` that the function requires.
-    takes : the names of `EXTRAS` that it takes; those not in ``needs`` have a default value.
-    number : its key among the function's several numbers; None if the function returns one number.
-    origin : its provenance: "evocity", a plugin's package and version, a file, or
+    range : lowest and highest possible value; ``inf`` means no bound.
+    doc : documentation of the function.
+    file : path of the file that declares the measure.
+    line : number of the line in ``file`` where the function begins.
+    needs : names of the arguments that the function requires, all from the list `EXTRAS`.
+    takes : names of the arguments from the list `EXTRAS` that the function accepts; an argument
+        that is not in ``needs`` has a default value.
+    number : key of this measure's number in the mapping that the function returns; None if the
+        function returns one number.
+    origin : where the measure comes from: "evocity", a plugin's package and version, a file, or
         "this session".
-    beside : files from the folder of its file that this file imports, or names as ``data``; they
-        are part of its source.
-    reference : the default cities to compare with, see `bound`; None for none.
-    any_site : whether it is right for parts of maps that are not rectangles.
-    data : files that it reads, relative to the folder of its file.
-    of : the type of its argument: "city", a map; or a form of `evocity.kinds`: "shape", "curve",
-        "site".
+    beside : paths of other files in the measure's folder: Python files that its file imports, and
+        its ``data`` files. The content of the files in ``beside`` is part of the measure's source.
+    reference : default cities that the measure compares a map with (set by the method `bound`), or
+        None.
+    any_site : whether the measure is correct for a part of a map, even if this part is not a
+        rectangle.
+    data : names of the files that the function reads, relative to the folder of its Python file.
+    of : type of the argument: "city" for a map, or one of the types of `evocity.kinds`: "shape",
+        "curve", "site".
     """
 
     name: str
@@ -117,26 +122,22 @@ class Measure:
         Only measures that take these arguments need them. ``given`` holds arguments without
         names, in the order of those that the measure takes.
         """
-        if self.of != "city":
-            if getattr(city, "kind", None) != self.of:
-                raise FitnessError(
-                    f"{self.name} cannot measure a {type(city).__name__}",
-                    f"a {self.of}",
-                    f"measure an individual of a run that breeds {self.of}s",
-                )
-        elif not isinstance(city, CityMap):
+        of_map = self.of == "city"
+        if not (isinstance(city, CityMap) if of_map else getattr(city, "kind", None) == self.of):
             raise FitnessError(
                 f"{self.name} cannot measure a {type(city).__name__}",
-                "a CityMap",
-                "read one with evocity.read_map, or wrap heights: evocity.CityMap(heights, 2.0)",
+                "a CityMap" if of_map else f"a {self.of}",
+                "read one with evocity.read_map, or wrap heights: evocity.CityMap(heights, 2.0)"
+                if of_map
+                else f"measure an individual of a run that breeds {self.of}s",
             )
         extras = {"reference": reference, "genome": genome, "parents": parents, "sources": sources}
         order = [*self.takes, *(name for name in EXTRAS if name not in self.takes)]
         if len(given) > len(order):
             raise FitnessError(
                 f"{self.name} received {len(given)} arguments besides the city",
-                f"at most {len(order)}: {', '.join(order)}",
-                "leave all other arguments out",
+                f"only these arguments after the city: {', '.join(order)}",
+                "remove the surplus arguments",
             )
         extras |= dict(zip(order, given, strict=False))
         if "reference" in self.takes:
@@ -149,9 +150,9 @@ class Measure:
             raise FitnessError(
                 f"{self.name} of {city.name} without its {' and '.join(lacking)}",
                 f"{self.name}(city, {', '.join(f'{need}={need}' for need in self.needs)})",
-                _LACKING.get(
-                    lacking[0], "measure an individual of a run: evocity score RUN --id N"
-                ),
+                _NO_REFERENCE
+                if lacking[0] == "reference"
+                else "measure an individual of a run: evocity score RUN --id N",
             )
         try:
             known = {name: extras[name] for name in self.takes if extras[name] is not None}
@@ -178,7 +179,8 @@ class Measure:
         raise self._result_error(value, city.name)
 
     def bound(self, reference: Reference | CityMap | Sequence) -> "Measure":
-        """Return the same measure with a default ``reference``; itself if it takes no reference."""
+        """Return this measure with a default ``reference``, or unchanged if the measure takes no
+        ``reference``."""
         if "reference" not in self.takes:
             return self
         needs = tuple(need for need in self.needs if need != "reference")
@@ -191,7 +193,8 @@ class Measure:
         name = self.name.partition(".")[0]
         raise FitnessError(
             f"{name} ({self.file}, line {self.line}) returned {keys or shown(values)}",
-            f"a mapping with all names of numbers=(…) above {name}, including {self.number}",
+            f"a mapping with a value for each name in the numbers=(…) of {name}, including "
+            f"{self.number}",
             f'add "{self.number}": … to the mapping that {name} returns',
         )
 
@@ -209,12 +212,12 @@ class Measure:
 
     @property
     def summary(self) -> str:
-        """First paragraph of its documentation, as one line."""
+        """First paragraph of the measure's documentation, as one line."""
         return " ".join(self.doc.partition("\n\n")[0].split())
 
     @property
     def range_text(self) -> str:
-        """Its range in words, as in ``0…∞``."""
+        """Range of the measure as text, for example ``0…∞``."""
         low, high = (
             f"{bound:g}" if math.isfinite(bound) else "∞" if bound > 0 else "-∞"
             for bound in self.range
@@ -268,10 +271,11 @@ class Several:
 
 @dataclass(frozen=True)
 class Family:
-    """The measures of one function of several numbers: ``family(city)`` gives all by name.
+    """The measures of one function that returns several numbers; the call ``family(city)`` returns
+    all these numbers by name.
 
-    Each of ``measures`` is a `Measure` called function.number. A number with the function's own
-    name has only that name.
+    Each `Measure` in the attribute ``measures`` has a name of the form ``function.number``. The
+    measure of a number with the function's name has the same name, without a prefix.
     """
 
     name: str
@@ -279,6 +283,19 @@ class Family:
 
     def __call__(self, city: CityMap, **extras: Any) -> dict[str, float]:
         return {measure.number: measure(city, **extras) for measure in self.measures}
+
+
+def keep_result(function: Callable) -> Callable:
+    """Keep the result of a ``function`` of one object as long as the object lives."""
+    results: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
+
+    @functools.wraps(function)
+    def look_up(thing):
+        if thing not in results:
+            results[thing] = function(thing)
+        return results[thing]
+
+    return look_up
 
 
 def line_in(file: str, error: BaseException) -> int | None:

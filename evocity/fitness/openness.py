@@ -10,6 +10,7 @@ from evocity.fitness._kernels import sky_seen
 from evocity.fitness.measure import Undefined
 from evocity.fitness.registry import fitness
 from evocity.views.ground import WIDEST
+from evocity.views.limit_tables import read_only
 
 #: Distance beyond which walls do not hide the sky, metres.
 HORIZON = 200.0
@@ -22,13 +23,15 @@ def street_width(city: CityMap) -> float:
     """Mean width of streets, weighted by length.
 
     Formula: Σ w l / Σ l over the middle lines of streets, with w the width from wall to wall and l
-    the length. `CityMap.streets` has these lines: those of all open ground, alleys and courtyards
-    included. Ground wider than 60 m, or nearer to the map's border than to a wall, does not count.
-    Quarter turns and mirrors move the mean by about 1 %, because either of two middle pixels may
-    stay. Other angles and coarse pixels move it more: a street of 6 m reads 5.8 at 10° and 1 m/px,
-    about 7 at 45° and 2 m/px.
-    Unit: metres. Range: above 0, to 60. Empty map: NaN, as on any map without streets.
-    Source: the profile of Araldi & Fusco 2019 (EPB 46:1243-1263), on the raster's skeleton.
+    the length. The middle lines come from `CityMap.streets`, and include those of alleys and
+    courtyards. Open ground does not count if it is wider than 60 m, or nearer to the map's border
+    than to a wall. Turning the map by a quarter, or mirroring it, changes the mean by about 1 %,
+    because a middle line may follow either of two middle pixels. Coarse pixels, and turns other
+    than quarter turns, change the mean by more than 1 %. At 10° and 1 m/px, the measured width of a
+    street of 6 m is 5.8 m. At 45° and 2 m/px, the measured width of a street of 6 m is about 7 m.
+    Unit: metres. Range: above 0, to 60. Empty map: NaN, like every map without streets. Source: the
+    street profile of Araldi & Fusco 2019 (EPB 46:1243-1263), applied to the middle lines of a
+    raster.
 
     >>> heights = np.full((40, 40), 9.0)
     >>> heights[12:18] = 0
@@ -44,12 +47,12 @@ def street_width(city: CityMap) -> float:
 
 @fitness(range=(0, 1), any_site=True)
 def open_space_connectivity(city: CityMap) -> float:
-    """Share of the open ground that its largest piece has.
+    """Share of the open ground that belongs to its largest connected piece.
 
-    Formula: max A / Σ A over the areas A of the ground components (`CityMap.open_space`). Pixels
-    that touch by sides or corners are one component.
-    Unit: none. Range: above 0, to 1. Empty map: 1. NaN where the whole map is built.
-    Source: ours, the share of the largest cluster as in percolation.
+    Formula: max A / Σ A, with A the areas of the connected pieces of open ground
+    (`CityMap.open_space`). Pixels that share a side or a corner belong to one piece. Unit: none.
+    Range: above 0, to 1. Empty map: 1. A map without open ground has the value NaN. Source: our
+    own, after the share of the largest cluster in percolation theory.
 
     >>> heights = np.zeros((10, 10))
     >>> heights[:, 4] = heights[:, 9] = 9
@@ -66,12 +69,11 @@ def open_space_connectivity(city: CityMap) -> float:
 def courtyard_index(city: CityMap) -> float:
     """Area of courtyards per unit of built ground.
 
-    Formula: Σ C / B, with B the footprint of all buildings. C is the ground within the outer
-    boundary of a built component, without the courtyards of components that stand in it. Ground
-    that the map's border cuts is not a courtyard.
-    Unit: none. Range: 0 upwards. Empty map: NaN (nothing is built).
-    Source: the courtyard index of Steadman, Bruhns & Gakovic 2000 (EPB 27:73-91), which momepy
-    follows, for a whole map.
+    Formula: Σ C / B, with B the footprint of all buildings, and C the open ground inside the outer
+    boundary of a built component. If a building stands in a larger courtyard, its own courtyards do
+    not count again. Open ground that touches the map's border is not a courtyard. Unit: none.
+    Range: 0 upwards. Empty map: NaN (nothing is built). Source: the courtyard index of Steadman,
+    Bruhns & Gakovic 2000 (EPB 27:73-91), as in momepy, but for a whole map.
 
     >>> heights = np.zeros((10, 10))
     >>> heights[2:8, 2:8] = 9
@@ -90,14 +92,14 @@ def courtyard_index(city: CityMap) -> float:
 def sky_view_factor(city: CityMap) -> float:
     """Mean share of the sky that is visible from open ground.
 
-    Formula: mean of cos² γ over 16 directions and over every 4th pixel of open ground, across
-    and down, counted from the nearer border; over all open pixels if no 4th pixel is open. γ is
-    the angle of the horizon: tan γ = max (h − h₀)/d over the pixels that a ray passes, with d the
-    distance at which it enters a pixel, up to 200 m. Beyond the map the ground is flat.
-    Unit: none. Range: above 0 (a deep shaft) to 1 (open land). Empty map: 1. NaN where the whole
-    map is built.
-    Source: Oke 1987, Boundary Layer Climates; by horizons, Dozier & Frew 1990 (IEEE TGRS
-    28:963-969).
+    Formula: mean of cos² γ over 16 directions and over the viewpoints, with γ the angle of the
+    horizon above the viewpoint. Every 4th pixel across and down, counted from the nearer border, is
+    a viewpoint if it is open ground. If every 4th pixel is built on, all pixels of open ground are
+    viewpoints. Along a ray, tan γ = max (h − h₀)/d, with h the height of a pixel, h₀ the height of
+    the viewpoint, and d the distance at which the ray enters the pixel. Rays reach 200 m. The
+    ground beyond the map counts as flat. Unit: none. Range: above 0 (a deep shaft) to 1 (open
+    land). Empty map: 1. A map without open ground has the value NaN. Source: Oke 1987, Boundary
+    Layer Climates; the method of horizons is by Dozier & Frew 1990 (IEEE TGRS 28:963-969).
 
     >>> sky_view_factor(CityMap(np.zeros((20, 20)), 2.0))
     1.0
@@ -150,7 +152,5 @@ def _rays(limit: float) -> tuple[np.ndarray, ...]:
             turned = [(j, -i, d) for i, j, d in turned]
     starts = np.cumsum([0] + [len(ray) for ray in rays])
     pixels = np.array([pixel for ray in rays for pixel in ray]).reshape(-1, 3)
-    table = starts, pixels[:, 0].astype(np.intp), pixels[:, 1].astype(np.intp), pixels[:, 2].copy()
-    for array in table:
-        array.setflags(write=False)
-    return table
+    steps = pixels[:, :2].astype(np.intp).T
+    return tuple(map(read_only, (starts, *map(np.ascontiguousarray, steps), pixels[:, 2].copy())))

@@ -37,9 +37,10 @@ def part_name(name: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A part of all maps of one size.
+    """A part of a map, such as a quarter of a city; a part applies to all maps of the same size.
 
-    name : its name. mask : bool ``(H, W)``, its pixels, at least one.
+    name : name of the part.
+    mask : bool ``(H, W)``, true on the pixels of the part; at least one pixel.
     """
 
     name: str
@@ -47,28 +48,27 @@ class Part:
 
     @property
     def is_rectangle(self) -> bool:
-        """Whether the part fills its smallest rectangle."""
+        """Whether the part is a rectangle whose sides follow rows and columns of pixels."""
         rows, columns = self.mask.any(axis=1), self.mask.any(axis=0)
         spans = (np.ptp(np.flatnonzero(line)) + 1 for line in (rows, columns))
         return np.count_nonzero(self.mask) == np.prod([*spans])
 
     def of(self, city: CityMap) -> CityMap:
-        """Cut the part out of ``city``, once for each map: all measures share its views."""
+        """Cut the part out of ``city``. The method cuts each map only once, and all measures use
+        the same cut map."""
         cuts = _cuts.setdefault(city, {})
         if self not in cuts:
             cuts[self] = city.within(self.mask)
         return cuts[self]
 
     def check(self, measure: Measure) -> None:
-        """Raise `FitnessError` unless the ``measure`` is right for the part."""
+        """Raise `FitnessError` unless the ``measure`` can be limited to the part."""
         check_map_alone(measure)
         if not (measure.any_site or self.is_rectangle):
             raise FitnessError(
-                f"{own_name(measure.name)} cannot be limited to {self.name}, which is not a "
-                "rectangle: "
-                "the measure would count the surroundings as open ground",
-                "a rectangle along the pixels, or a measure that supports parts of any shape "
-                "(any_site)",
+                f"{own_name(measure.name)} cannot be limited to {self.name}, because this part is "
+                "not a rectangle, and the measure would count the surroundings as open ground",
+                "a rectangle of whole pixels, or a measure that was declared with any_site=True",
                 "draw a rectangle; if your own measure respects city.site, declare it with "
                 "@evocity.fitness(…, any_site=True)",
             )
@@ -80,10 +80,10 @@ class Part:
         reference: Reference | CityMap | Sequence | None = None,
         genome: Genome | None = None,
     ) -> float:
-        """Measure the part of ``city``.
+        """Apply ``measure`` to the part of ``city``.
 
-        The ``genome`` of the whole map gives measures that compare cities the share of each source
-        city in the part. Raises as the measure does, and as `check`.
+        Measures that compare cities take the share of each source city from the ``genome`` of the
+        whole map. The method raises the errors of the measure, and those of the method `check`.
         """
         self.check(measure)
         compares = "reference" in measure.takes
@@ -95,8 +95,8 @@ def check_map_alone(measure: Measure) -> None:
     needs = [need for need in measure.needs if need in _OF_WHOLE]
     if needs:
         raise FitnessError(
-            f"{own_name(measure.name)} cannot be limited to a part: it needs the "
-            f"{' and the '.join(needs)}, which describe the whole map",
+            f"{own_name(measure.name)} cannot be limited to a part, because its arguments describe "
+            f"the whole map: {' and '.join(needs)}",
             "a measure that needs only the map",
             "use the measure for the whole map",
         )

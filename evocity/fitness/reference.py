@@ -2,12 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from numbers import Real
 
 import numpy as np
 
 from evocity.citymap import CityMap
-from evocity.errors import FitnessError, spell
+from evocity.errors import FitnessError, is_number, spell
 from evocity.genome import Genome
 
 _HOW = "a CityMap, a list of them, or a list of pairs (CityMap, weight)"
@@ -15,13 +14,13 @@ _HOW = "a CityMap, a list of them, or a list of pairs (CityMap, weight)"
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The cities that a measure compares a map with, and their weights.
+    """Cities with which a measure compares a map, and a weight for each city.
 
-    `Reference.of` and `Reference.sources` make one.
+    Make a reference with `Reference.of` or `Reference.sources`.
 
-    cities : at least one map.
-    weights : a number for each city, together 1; None for the source cities of a run, where the
-        genome gives the share of the map that comes from each city.
+    cities : at least one map with which the measure compares other maps.
+    weights : weight of each city; the weights sum to 1. If ``weights`` is None, the cities are the
+        source cities of a run; a genome gives the share of the map that comes from each city.
     """
 
     cities: tuple[CityMap, ...]
@@ -29,9 +28,10 @@ class Reference:
 
     @classmethod
     def of(cls, cities: "Reference | CityMap | Sequence") -> "Reference":
-        """Make a reference of a city, of a list of cities with equal weights, or of (city, weight).
+        """Make a reference from one city, a list of cities with equal weights, or a list of pairs
+        (city, weight).
 
-        Raises `FitnessError` for anything else.
+        Raises `FitnessError` for any other argument.
         """
         if isinstance(cities, cls):
             return cities
@@ -42,7 +42,7 @@ class Reference:
         if not pairs or not all(map(_is_weighted, pairs)):
             raise FitnessError(
                 f"the reference {spell(cities)} is invalid",
-                f"{_HOW}, weights above 0",
+                f"{_HOW}, with weights above 0",
                 'give for example reference=evocity.read_map("lyon-1er")',
             )
         total = float(sum(weight for _, weight in pairs))
@@ -51,15 +51,17 @@ class Reference:
 
     @classmethod
     def sources(cls, cities: Sequence[CityMap]) -> "Reference":
-        """Make a reference of the source cities of a run, under the names in its genomes."""
+        """Make a reference from the maps of a run's source cities; each map must have the name
+        that the genomes use for its city."""
         return cls(tuple(cities), None)
 
     def shares(self, city: CityMap, genome: Genome | None) -> np.ndarray:
-        """Compute the weight of each city: float64 ``(k,)``, together 1.
+        """Compute the weights of the k cities, float64 ``(k,)``; the weights sum to 1.
 
-        Without weights of its own, a reference counts the built ground of ``city`` that comes from
-        each of its cities, by the ``genome``; all 0 if none does. Raises `FitnessError` if it needs
-        the genome and that is missing, or shares no city with the reference.
+        If the reference has no fixed weights, the method counts the built ground of ``city`` that
+        comes from each city of the reference, according to the genome. All weights are 0 if no
+        built ground of the map comes from the cities of the reference. The method raises
+        `FitnessError` if a needed genome is missing, or if the genome has no city of the reference.
         """
         if self.weights is not None:
             return np.array(self.weights)
@@ -77,9 +79,9 @@ class Reference:
         names = [source.name for source in self.cities]
         if not any(name in by_name for name in names):
             raise FitnessError(
-                f"the genome is made of {', '.join(genome.cities)}, but the reference is "
-                f"{', '.join(names)}",
-                "the maps of the source cities of the genome",
+                f"the genome has the source cities {', '.join(genome.cities)}, but the reference "
+                f"has only {', '.join(names)}",
+                "a reference with the maps of the genome's source cities",
                 "give these maps as the reference, with the names that the genome uses",
             )
         built = np.array([by_name.get(name, 0) for name in names], float)
@@ -97,7 +99,7 @@ def check_sources(sources) -> tuple[CityMap, ...]:
     maps = tuple(sources) if listed else ()
     if not listed or not all(isinstance(city, CityMap) for city in maps):
         raise FitnessError(
-            f"sources = {spell(sources)}",
+            f"sources = {spell(sources)} is not a list of maps",
             "a list of maps (CityMap) of the genome's source cities",
             "for a run give: [source.city for source in evocity.open_run(path).sources()]",
         )
@@ -107,7 +109,7 @@ def check_sources(sources) -> tuple[CityMap, ...]:
         raise FitnessError(
             f"two source cities have the name {', '.join(sorted(twice))}",
             "one map per city, with the name that the genome uses for the city",
-            "give each map once",
+            "remove the surplus maps of this name, or rename them",
         )
     return maps
 
@@ -116,5 +118,4 @@ def _is_weighted(pair) -> bool:
     if not (isinstance(pair, Sequence) and not isinstance(pair, str) and len(pair) == 2):
         return False
     city, weight = pair
-    real = isinstance(weight, Real) and not isinstance(weight, bool)
-    return isinstance(city, CityMap) and real and 0 < weight < np.inf
+    return isinstance(city, CityMap) and is_number(weight) and 0 < weight < np.inf

@@ -17,17 +17,8 @@ from types import ModuleType
 from typing import overload
 
 from evocity.errors import EvocityError, FitnessError, check_word, describe_error, near_miss
-from evocity.fitness.data import check_names, read_data
-from evocity.fitness.declaration import (
-    HOW_TO_DECLARE,
-    check_bounds,
-    check_function,
-    check_goal,
-    check_numbers,
-    check_unit,
-    value_for,
-)
-from evocity.fitness.local_imports import importing_from
+from evocity.fitness import declaration
+from evocity.fitness.local_imports import importing_from, read_data
 from evocity.fitness.measure import (
     Family,
     Measure,
@@ -89,46 +80,52 @@ def fitness(
     data: str | Sequence[str] = (),
     of: str = "city",
 ) -> Callable[[Callable], Measure | Family]:
-    """Make a `Measure` of a function of a city map, as a decorator; its name is the function's.
+    """Turn a function of a city map into a `Measure` with the function's name, as a decorator.
 
-    The function takes the city, and may take further arguments by name. ``reference`` is a
-    `Reference`, the cities to compare with. ``genome`` is the code of the map, ``parents`` the
-    genomes it was bred from, ``sources`` the maps of its source cities. An argument with a
-    default value keeps the default where evocity does not know it.
+    The function takes the city, and may take the arguments below by name. The argument
+    ``reference`` is a `Reference`, which holds the cities to compare with the map. The argument
+    ``genome`` is the genome that decodes to the map. The argument ``parents`` holds the genomes of
+    the map's parents, and the argument ``sources`` holds the maps of its source cities. If evocity
+    does not know the value of an argument, the argument keeps its default value.
 
     Parameters
     ----------
-    goal : "max" or "min", the default goal of a search; None if the recipe must give a goal, a
-        target, or a city to be like.
+    goal : default goal of a search, "max" or "min"; None if the recipe must give a goal, a target
+        value, or a city to resemble.
     unit : unit of the number, "" for a pure number.
     range : lowest and highest possible value.
-    numbers : names of the numbers, if the function returns several as a mapping. The result is a
-        `Family` of measures called function.number. goal, unit and range hold for all numbers, or
-        are mappings from a number's name. If the first number has the function's own name, that
-        name means this number only, and the decorator returns its `Measure`.
-    any_site : whether the measure is right for parts of a map of any shape, with pixels
-        ``city.site``; otherwise recipes accept only rectangles.
+    numbers : names of the numbers, if the function returns a mapping of several numbers. For
+        several numbers, the decorator returns a `Family`; its measures have names of the form
+        ``function.number``. The arguments ``goal``, ``unit`` and ``range`` hold for all numbers; a
+        mapping gives each number its own value. If the first number has the name of the function,
+        this name means the first number, and the decorator returns the `Measure` of this number.
+    any_site : whether the measure is correct for a part of a map that is not a rectangle;
+        ``city.site`` marks the pixels of this part. If ``any_site`` is false, recipes accept only
+        rectangles for this measure.
     data : files that the function reads, such as "trees.csv", from the folder of the Python file or
-        a folder in it. They are part of its source: runs keep them, and other machines get them.
-        The function finds them by ``Path(__file__).with_name("trees.csv")``.
-    of : the type of the argument: "city", a map; for runs of other kinds "shape", "curve" or
-        "site", a form of `evocity.kinds`.
+        a folder in it. The content of data files is part of the measure's source, so runs store
+        these files and send them to other machines. The function finds the file ``trees.csv`` by
+        ``Path(__file__).with_name("trees.csv")``.
+    of : type of the argument: "city" for a map; "shape", "curve" or "site" for runs that breed
+        objects of these types from `evocity.kinds`.
 
-    Raises `FitnessError` if the declaration or the function's signature is wrong, or another
-    measure has the name.
+    Raises `FitnessError` if the declaration or the function's signature is wrong, or if another
+    measure has the same name.
     """
     if callable(goal):
         raise FitnessError(
-            "@evocity.fitness without brackets", HOW_TO_DECLARE, "write @evocity.fitness()"
+            "@evocity.fitness without brackets",
+            declaration.HOW_TO_DECLARE,
+            "write @evocity.fitness()",
         )
-    several, read = check_numbers(numbers), check_names(data)
+    several, read = declaration.check_numbers(numbers), declaration.check_names(data)
     check_word("of", of, SUBJECTS, "leave it out for a map", FitnessError)
     each = [
         (
             number,
-            check_goal(value_for(goal, number, None)),
-            check_unit(value_for(unit, number, "")),
-            check_bounds(value_for(range, number, (-math.inf, math.inf))),
+            declaration.check_goal(declaration.value_for(goal, number, None)),
+            declaration.check_unit(declaration.value_for(unit, number, "")),
+            declaration.check_bounds(declaration.value_for(range, number, (-math.inf, math.inf))),
         )
         for number in several or [None]
     ]
@@ -136,13 +133,14 @@ def fitness(
         strange = set(values) - set(several) if isinstance(values, Mapping) else ()
         if strange:
             raise FitnessError(
-                f"{', '.join(map(str, strange))} is not in numbers = {several}",
+                f"{', '.join(map(str, strange))} has a goal, a unit or a range, but is missing in "
+                f"the parameter numbers = {several}",
                 "goals, units and ranges only for the numbers that the function returns",
                 "add these names to numbers=(…)",
             )
 
     def declare(function: Callable) -> Measure | Family:
-        needs, takes = check_function(function)
+        needs, takes = declaration.check_function(function)
         name, called = function.__name__, Several(function, several) if several else function
         file = function.__code__.co_filename
         declared = [
@@ -176,8 +174,8 @@ def fitness(
 
 
 def get(name: str) -> Measure:
-    """Return the measure called ``name``. Raises `FitnessError`, which suggests the most similar
-    name."""
+    """Return the measure called ``name``. If no measure has this name, the function raises
+    `FitnessError` and suggests the most similar name."""
     known = {measure.name: measure for measure in measures(None)}
     if name in known:
         return known[name]
@@ -190,7 +188,7 @@ def get(name: str) -> Measure:
 
 def named(name: str) -> list[Measure]:
     """Return the measure called ``name``, or all measures of the function ``name`` if it returns
-    several numbers. Raises `FitnessError` as `get` does."""
+    several numbers. Raises `FitnessError` in the same cases as `get`."""
     known = measures(None)
     return [m for m in known if m.name == name] or family_of(name, known) or [get(name)]
 
@@ -201,9 +199,11 @@ def family_of(name: str, among: Sequence[Measure]) -> list[Measure]:
 
 
 def measures(of: str | None = "city") -> list[Measure]:
-    """List all measures by name: the package's, plugins', and those of files loaded so far.
+    """List all measures in the order of their names: those of the package, of plugins, and of
+    loaded files.
 
-    of : the type of their argument, by default maps; None lists the measures of all types.
+    of : type of the argument of the listed measures, by default "city"; None lists the measures of
+        all types.
     """
     plugin_warnings()  # the first call loads the plugins
     known = _table | _from_files
@@ -238,7 +238,7 @@ copyreg.pickle(Measure, _reduce)
 
 @cache
 def plugin_warnings() -> tuple[str, ...]:
-    """Describe each entry point of the group `PLUGINS` that cannot be loaded, in one text each."""
+    """Return a text for each entry point of the group `PLUGINS` that cannot be loaded."""
     return load_plugins(PLUGINS, _load_entry)
 
 
@@ -255,16 +255,19 @@ def _load_entry(entry: EntryPoint) -> None:
 
 
 def load_file(path: str | os.PathLike) -> list[Measure]:
-    """Load a file of measures, and return these in order: execute a Python file, or read a table
-    (`TABLES`), such as building types in TOML, a line in GeoJSON or a picture in PNG.
+    """Load the measures of a file, and return them in order. The function executes the file if it
+    is a Python file. If the file is not a Python file, the function reads a table (`TABLES`):
+    building types in TOML, a line in GeoJSON, or a picture in PNG.
 
-    Afterwards `get` finds them too; a file loaded later replaces measures of an earlier file. The
-    file may import Python files from its own folder, which are part of its source. Its output goes
-    to standard error.
+    After this call, the function `get` finds the measures of the file. A file that is loaded later
+    replaces measures of the same name from earlier files. A Python file may import other Python
+    files from its own folder; the source of its measures includes these imported files. Text that
+    the file prints goes to standard error.
 
-    Raises `FitnessError`, with file and line, if the file is missing, is not Python, or raises; or
-    if it declares no measure, a wrong one, or one with the name of a measure of the package. It
-    then registers nothing.
+    Raises `FitnessError`, with file and line, if the file is missing, is not Python, or raises an
+    error. The function raises `FitnessError` if the file declares no measure, an invalid measure,
+    or a measure with the name of a packaged measure. After an error, none of the file's measures is
+    registered.
     """
     path = Path(path)
     read = TABLES.get(path.suffix)
@@ -282,6 +285,17 @@ def load_file(path: str | os.PathLike) -> list[Measure]:
     for measure in declared:
         measure.__dict__["source_hash"] = content_hash(whole)  # the files may change later
     return declared
+
+
+def name_of_file(stem: str, suffix: str, example: str) -> str:
+    """Join the name of a table. Raises `FitnessError` if its ``stem`` cannot name a measure."""
+    if not stem.isidentifier():
+        raise FitnessError(
+            f"the file name {stem}{suffix} cannot name a measure",
+            "a file name of letters, digits and _ that does not begin with a digit",
+            f"rename the file, for example to {example}{suffix}",
+        )
+    return f"{stem}{suffix}"
 
 
 def _read_table(path: Path, content: bytes) -> tuple[list[Measure], dict[Path, bytes]]:
@@ -314,7 +328,9 @@ def _execute_file(path: Path, content: bytes) -> tuple[list[Measure], dict[Path,
         declared = [m for m in declared if Path(m.file) not in imported]
         if not declared:
             raise FitnessError(
-                "the file declares no measure", f"at least one {HOW_TO_DECLARE}", "add a measure"
+                "the file declares no measure",
+                f"at least one {declaration.HOW_TO_DECLARE}",
+                "add a measure",
             )
         imported |= read_data(path.parent, declared)
         beside = tuple(map(str, sorted(imported)))
@@ -340,7 +356,7 @@ def _file_error(path: Path, error: BaseException) -> FitnessError:
     if unreadable:
         return FitnessError(
             f"{place}: {error.msg}: {(error.text or '').strip()}",
-            "a Python file",
+            "a file with valid Python",
             f"correct the syntax; python -m py_compile {path.name} checks it",
         )
     remedy = f"correct that line; python {path.name} shows the same error in full"

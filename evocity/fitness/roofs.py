@@ -7,11 +7,15 @@ import numpy as np
 from evocity.citymap import BUILT_ABOVE, CityMap
 from evocity.fitness.density import FLOOR
 from evocity.fitness.measure import Undefined
+from evocity.fitness.neighbours import mean_over_neighbours
 from evocity.fitness.registry import fitness
+from evocity.views.buildings import CRUMB
 
 #: Number of classes of heights, one floor (`FLOOR`) each, upwards from `BUILT_ABOVE`. The last
 #: class takes all greater heights too (above 61.5 m).
 CLASSES = 20
+#: Number of neighbours that a building's height is compared with, nearest centroids first.
+NEAREST = 5
 #: Greatest difference of level roofs, metres.
 LEVEL = 0.5
 
@@ -20,9 +24,9 @@ LEVEL = 0.5
 def height_deviation(city: CityMap) -> float:
     """Standard deviation of the heights of built ground.
 
-    Formula: √(Σ (h − h̄)² / n) over the n built pixels, with h̄ their mean (`mean_height`).
-    Unit: metres. Range: 0 (one height everywhere) upwards. Empty map: NaN (nothing is built).
-    Source: none needed, a plain deviation weighted by footprint.
+    Formula: √(Σ (h − h̄)² / n) over the n built pixels, with h the height of a pixel, and h̄ the
+    mean of these heights (`mean_height`). Unit: metres. Range: 0 (equal heights) upwards.
+    Empty map: NaN (nothing is built). Source: a plain standard deviation, weighted by footprint.
 
     >>> heights = np.zeros((8, 8))
     >>> heights[:4, :4] = 9
@@ -40,12 +44,11 @@ def height_deviation(city: CityMap) -> float:
 def height_entropy(city: CityMap) -> float:
     """How evenly built ground spreads over all heights.
 
-    Formula: −Σ p ln p / ln 20, with p the share of the built pixels in each of 20 classes of one
-    storey, 3 m, from 1.5 to 61.5 m. The last class takes all greater heights too. The bounds are
-    fixed, so that maps compare.
-    Unit: none. Range: 0 (one class) to 1 (equal shares of all classes).
-    Empty map: NaN (nothing is built).
-    Source: Shannon 1948 (Bell System Technical Journal 27:379-423), normalised.
+    Formula: −Σ p ln p / ln 20, with p the share of the built pixels in each of 20 classes of
+    heights. Each class spans a storey of 3 m, from 1.5 to 61.5 m; heights above 61.5 m belong to
+    the last class. The classes are the same for all maps, so that values can be compared. Unit:
+    none. Range: 0 (one class) to 1 (equal shares of all classes). Empty map: NaN (nothing is
+    built). Source: Shannon 1948 (Bell System Technical Journal 27:379-423), normalised.
 
     >>> heights = np.zeros((8, 8))
     >>> heights[:4, :4] = 9
@@ -64,14 +67,14 @@ def height_entropy(city: CityMap) -> float:
 
 @fitness(goal="max", range=(0, 1), any_site=True)
 def roof_flatness(city: CityMap) -> float:
-    """Share of built ground that is level with all its built neighbours.
+    """Share of built pixels that are level with all their built neighbours.
 
-    Formula: n_level / n over the n built pixels. A pixel is level if its height differs by at most
-    0.5 m from each of its built neighbours (4, by pixel sides). Real roofs of a 2D½ map end in
-    walls; codes blur them into slopes, and the share falls.
-    Unit: none. The share depends on the size of pixels. Range: 0 to 1; a pixel without built
-    neighbours is level. Empty map: NaN (nothing is built).
-    Source: ours, to see how far coding and breeding wear down roofs.
+    Formula: n_level / n, with n the number of built pixels, and n_level the number of level pixels.
+    A pixel is level if its height differs by at most 0.5 m from each built pixel that shares a side
+    with it. Real roofs end at vertical walls. Fractal coding blurs vertical walls into slopes, and
+    these slopes lower the share of level pixels. Unit: none. The share depends on the size of
+    pixels. Range: 0 to 1; a pixel without built neighbours is level. Empty map: NaN (nothing is
+    built). Source: our own, to show how much coding and breeding roughen roofs.
 
     >>> heights = np.zeros((8, 8))
     >>> heights[:, :4] = 9
@@ -93,3 +96,33 @@ def roof_flatness(city: CityMap) -> float:
         level[here] &= ~step
         level[there] &= ~step
     return np.count_nonzero(level) / count
+
+
+@fitness(unit="m", range=(0, math.inf), any_site=True)
+def height_context(city: CityMap) -> float:
+    """Mean step of height from a building to the five nearest buildings.
+
+    A search that lays buildings anywhere puts towers among houses: its steps are larger than those
+    of its parents. Equal heights everywhere are not a goal either. Give this measure a target or a
+    bound from real cities.
+
+    Formula: mean of \\|h_i − h_j\\| over the 5 nearest buildings of a building, then mean over all
+    buildings of 24 m² or more, with h the mean height of a building (`CityMap.buildings`).
+    Distances between buildings are measured from centroid to centroid. Buildings that are exactly
+    as near as the fifth count too. On a map of few buildings, fewer than 5 count.
+    Unit: metres. Range: 0 (equal heights) upwards.
+    Empty map: NaN, like every map of fewer than two buildings.
+    Source: our own.
+
+    >>> heights = np.zeros((32, 32))
+    >>> heights[4:12, 4:12], heights[4:12, 20:28], heights[20:28, 4:12] = 9, 9, 15
+    >>> height_context(CityMap(heights, 2.0))  # (3 + 3 + 6) / 3
+    4.0
+    """
+    table = city.buildings
+    counted = table.area >= CRUMB
+    count = np.count_nonzero(counted)
+    if count < 2:
+        return Undefined(f"{count} buildings of {CRUMB:.0f} m² or more; a step needs 2")
+    y, x, height = (column[counted] for column in (table.y, table.x, table.height))
+    return mean_over_neighbours(y, x, height, NEAREST, lambda a, b: np.abs(a - b))

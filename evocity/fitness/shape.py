@@ -16,12 +16,12 @@ from evocity.views.buildings import CRUMB
 
 @fitness(range=(0, 1), any_site=True)
 def elongation(city: CityMap) -> float:
-    """Mean ratio of the short side of buildings to the long side.
+    """Mean ratio of the short side of a building to its long side.
 
     Formula: mean over buildings of s / l, with s and l the short and the long side of the smallest
-    rectangle about the footprint (`Buildings.box`). Long and narrow buildings have a low value.
+    rectangle around the footprint (`Buildings.box`). Long and narrow buildings have a low value.
     Unit: none. Range: above 0 (long and narrow) to 1 (as wide as long).
-    Empty map: NaN, as on any map without a building of 24 m².
+    Empty map: NaN, like every map without a building of 24 m² or more.
     Source: Gil, Beirão, Montenegro & Duarte 2012 (Urban Morphology 16:27-40), as
     momepy.elongation.
 
@@ -36,13 +36,13 @@ def elongation(city: CityMap) -> float:
 
 @fitness(range=(0, 1), any_site=True)
 def rectangularity(city: CityMap) -> float:
-    """Mean share of its smallest rectangle that a building fills.
+    """Mean share that a building fills of the smallest rectangle around it.
 
     Formula: mean over buildings of A / A_bb, with A the area of the footprint and A_bb that of the
-    smallest rectangle about it (`Buildings.box`). Each ratio counts as at most 1, because rounding
-    to pixels may exceed it.
-    Unit: none. Range: above 0 to 1 (rectangles). Empty map: NaN, as on any map without a
-    building of 24 m².
+    smallest rectangle around it (`Buildings.box`). Ratios above 1, an effect of rounding to pixels,
+    count as 1.
+    Unit: none. Range: above 0 to 1 (rectangles). Empty map: NaN, like every map without a building
+    of 24 m² or more.
     Source: Dibble, Prelorendjos, Romice, Zanella, Strano, Pagel & Porta 2019 (Environment and
     Planning B 46:707-730), as momepy.rectangularity.
 
@@ -57,13 +57,13 @@ def rectangularity(city: CityMap) -> float:
 
 @fitness(range=(0, 1), any_site=True)
 def convexity(city: CityMap) -> float:
-    """Mean share of its convex hull that a building fills.
+    """Mean share that a building fills of its convex hull.
 
     Formula: mean over buildings of A / A_hull, with A the area of the footprint and A_hull that of
-    its convex hull on the raster (`Buildings.hull_area`).
-    Unit: none. Range: above 0 to 1 (no yard, wing or bend). Empty map: NaN, and on any other
-    map without a building of 24 m².
-    Source: Dibble & al. 2019 (Environment and Planning B 46:707-730), as momepy.convexity.
+    its convex hull on the raster (`Buildings.hull_area`). Unit: none. Range: above 0 to 1
+    (buildings without yards, wings or bends). Empty map: NaN, like every map without a building of
+    24 m² or more. Source: Dibble and others 2019 (Environment and Planning B 46:707-730);
+    momepy.convexity computes the same ratio.
 
     >>> heights = np.zeros((64, 64))
     >>> heights[8:16, 8:16] = 9
@@ -78,14 +78,13 @@ def convexity(city: CityMap) -> float:
 
 @fitness(range=(0, 1), any_site=True)
 def compactness(city: CityMap) -> float:
-    """Mean share of its smallest circle that a building fills.
+    """Mean share that a building fills of the smallest circle around it.
 
     Formula: mean over buildings of A / (π R²), with A the area of the footprint and R the radius of
-    the smallest circle about it (`Buildings.circle`).
-    Unit: none. Range: above 0 (far-flung) to 1 (a disc); a square has 2/π = .637.
-    Empty map: NaN, as on any map without a building of 24 m².
-    Source: Dibble & al. 2019 (Environment and Planning B 46:707-730), after Reock 1961, as
-    momepy.circular_compactness.
+    the smallest circle around it (`Buildings.circle`). Unit: none. Range: above 0 (long or
+    branched) to 1 (a disc); a square has 2/π = .637. Empty map: NaN, like every map without a
+    building of 24 m² or more. Source: Dibble and others 2019 (Environment and Planning B
+    46:707-730), after Reock 1961; momepy.circular_compactness computes the same ratio.
 
     >>> heights = np.zeros((64, 64))
     >>> heights[8:16, 8:16] = 9
@@ -97,15 +96,15 @@ def compactness(city: CityMap) -> float:
 
 @fitness(range=(0, 1.5), any_site=True)
 def eri(city: CityMap) -> float:
-    """Equivalent rectangular index: how close buildings are to rectangles in area and outline.
+    """Equivalent rectangular index: how closely buildings resemble rectangles in area and outline.
 
-    Formula: mean over buildings of √(A / A_bb) · P_bb / P. A and P are area and perimeter of the
-    footprint (Crofton), A_bb and P_bb those of the smallest rectangle about it.
-    Unit: none. Range: above 0 (jagged) to 1 (rectangles). A raster's perimeter is uncertain, so
-    the index may exceed 1: rectangles along the raster have 1.05, a single pixel 1.49.
-    Empty map: NaN, as on any map without a building of 24 m².
-    Source: Basaraner & Cetinkaya 2017 (International Journal of Geographical Information
-    Science 31:1952-1977), as momepy.equivalent_rectangular_index.
+    Formula: mean over buildings of √(A / A_bb) · P_bb / P, with A and P the area and the perimeter
+    (Crofton's formula) of the footprint, and A_bb and P_bb those of the smallest rectangle around
+    the footprint. Unit: none. Range: above 0 (jagged) to 1 (rectangles). The perimeter on a raster
+    is uncertain, so the index may exceed 1: rectangles along the raster have 1.05, and a single
+    pixel has 1.49. Empty map: NaN, like every map without a building of 24 m² or more. Source:
+    Basaraner & Cetinkaya 2017 (International Journal of Geographical Information Science
+    31:1952-1977), as momepy.equivalent_rectangular_index.
 
     >>> heights = np.zeros((64, 64))
     >>> heights[8:56, 8:56] = 9
@@ -124,12 +123,11 @@ def shape_index(city: CityMap) -> float:
     """Mean roundness of buildings, as a ratio of lengths.
 
     Formula: mean over buildings of √(A / π) / R, with A the area of the footprint and R the radius
-    of the smallest circle about it (`Buildings.circle`). It is the root of the ratio that
-    `compactness` averages.
-    Unit: none. Range: above 0 (far-flung) to 1 (a disc); a square has √(2/π) = .798.
-    Empty map: NaN, as on any map without a building of 24 m².
-    Source: momepy.shape_index (Fleischmann 2019, JOSS 4:1807), whose longest axis is that
-    circle's diameter.
+    of the smallest circle around it (`Buildings.circle`). The roundness of a building is the square
+    root of the ratio that the measure `compactness` averages. Unit: none. Range: above 0 (long or
+    branched) to 1 (a disc); a square has √(2/π) = .798. Empty map: NaN, like every map without a
+    building of 24 m² or more. Source: momepy.shape_index (Fleischmann 2019, JOSS 4:1807), whose
+    longest axis is the diameter of the smallest circle.
 
     >>> heights = np.zeros((64, 64))
     >>> heights[8:16, 8:16] = 9
@@ -141,13 +139,13 @@ def shape_index(city: CityMap) -> float:
 
 @fitness(unit="/ha", range=(0, math.inf), any_site=True)
 def building_density(city: CityMap) -> float:
-    """Number of buildings per hectare; steps of height separate those in a row.
+    """Number of buildings per hectare; steps of height separate the houses of a row.
 
     Formula: number of buildings of at least 24 m², divided by the area of the map in hectares. Gaps
-    and steps of height of more than half a storey separate buildings (`CityMap.buildings`).
-    `component_density` counts by gaps only.
+    and steps of height of more than half a storey separate buildings (`CityMap.buildings`). The
+    measure `component_density` separates buildings by gaps only.
     Unit: 1/ha. Range: 0 upwards. Empty map: 0.
-    Source: none needed, a count; buildings after Soille 2008 (IEEE PAMI 30:1132-1145).
+    Source: a plain count; the separation of buildings follows Soille 2008 (IEEE PAMI 30:1132-1145).
 
     >>> heights = np.zeros((50, 50))
     >>> heights[10:20, 10:20] = 9
@@ -160,13 +158,14 @@ def building_density(city: CityMap) -> float:
 
 @fitness(unit="/ha", range=(0, math.inf), any_site=True)
 def component_density(city: CityMap) -> float:
-    """Number of pieces of built ground per hectare; a row or a block counts once.
+    """Number of connected pieces of built ground per hectare; a row of houses or a street block
+    counts once.
 
     Formula: number of built components of at least 24 m², divided by the area of the map in
-    hectares. Pixels that touch by sides are one component (`CityMap.areas`). `building_density`
-    counts each house of a row.
+    hectares. Built pixels that share a side belong to one component (`CityMap.areas`). The measure
+    `building_density` counts each house of a row.
     Unit: 1/ha. Range: 0 upwards. Empty map: 0.
-    Source: none needed, a count.
+    Source: a plain count.
 
     >>> heights = np.zeros((50, 50))
     >>> heights[10:20, 10:20] = heights[30:40, 10:20] = 9
@@ -178,15 +177,15 @@ def component_density(city: CityMap) -> float:
 
 @fitness(range=(0, 1), any_site=True)
 def party_wall_ratio(city: CityMap) -> float:
-    """Share of the length of walls that two buildings have in common.
+    """Share of the length of all walls that belongs to party walls between two buildings.
 
-    Formula: 2 S / (2 S + E), with S the sides of pixels between two buildings, and E those between
-    a building and open ground or the border of the map. Sides overstate the length of a slanting
-    wall, but equally for both kinds of wall.
-    Unit: none. Range: 0 (all buildings stand free) to below 1.
-    Empty map: NaN, as on any map without a building of 24 m².
-    Source: Hamaina, Leduc & Moreau 2012 (Bridging the Geographic Information Sciences:327-346),
-    as momepy.shared_walls by perimeter.
+    Formula: 2 S / (2 S + E), with S the number of pixel sides between two buildings, and E the
+    number of pixel sides between a building and open ground or the map's border. Pixel sides
+    overstate the length of walls that are oblique to the pixels, party walls and others alike.
+    Unit: none. Range: 0 (free-standing buildings only) to below 1. Empty map: NaN, like every map
+    without a building of 24 m² or more. Source: Hamaina, Leduc & Moreau 2012 (Bridging the
+    Geographic Information Sciences:327-346). In momepy, the measure is ``shared_walls`` divided by
+    the perimeter.
 
     >>> heights = np.zeros((64, 64))
     >>> heights[8:16, 8:16] = 9

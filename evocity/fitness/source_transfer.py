@@ -25,6 +25,9 @@ from evocity.fitness.measure import Family, Measure, Several
 from evocity.fitness.part import own_name
 from evocity.fitness.registry import execute
 
+_REMEDY = (
+    "put the measure into a file {}.py, and name this file in the recipe; or search with workers=0"
+)
 _PLAIN = (bool, int, float, complex, str, bytes, type(None), np.generic, np.dtype)
 #: The flags of a code object that `from __future__` sets and compile takes.
 _FUTURE = 0x1FE0000
@@ -82,9 +85,7 @@ def pack_function(measures: Sequence[Measure]) -> Shipment:
             f"{name} ({first.file}, line {first.line}) cannot be sent to worker processes: {error}",
             "a measure with source code that uses only functions with source code, modules and "
             "plain values",
-            f"put the measure into a file {name}.py, and name this file in the recipe; or search "
-            "with "
-            "workers=0",
+            _REMEDY.format(name),
         ) from None
     return Shipment(described, place, packing.imports, packing.values, tuple(packing.pieces))
 
@@ -122,8 +123,7 @@ def _check_shipped(function: FunctionType, packed: Shipment) -> None:
         f"the source of {function.__name__} ({function.__code__.co_filename}) cannot rebuild "
         f"the measure in worker processes: {why}",
         "a measure whose source has not changed since it was declared",
-        f"put the measure into a file {function.__name__}.py, and name this file in the recipe; or "
-        "search with workers=0",
+        _REMEDY.format(function.__name__),
     )
 
 

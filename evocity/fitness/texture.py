@@ -1,4 +1,4 @@
-"""Fractal texture of built ground: box and correlation dimension, lacunarity."""
+"""Fractal texture of built ground: box and correlation dimension, lacunarity, autosimilarity."""
 
 import itertools
 import math
@@ -16,6 +16,10 @@ WINDOWS = (4.0, 8.0, 16.0, 32.0, 64.0)
 BOX = 32.0
 #: Fewest sizes that give a slope.
 FEWEST_SIZES = 3
+#: Side of the range blocks, pixels; domain blocks are twice as large.
+RANGE = 4
+#: Greatest distance of a domain block from its range block, pixels along each axis.
+REACH = 12
 
 
 @fitness(range=(0, 2))
@@ -23,15 +27,15 @@ def box_dimension(city: CityMap) -> float:
     """Box-counting dimension of the built ground.
 
     Formula: −slope of ln N(ε) on ln ε by least squares, with N(ε) the number of boxes of side ε
-    that hold a built pixel. The sides, in pixels, are the common divisors of height and width of
-    the map, up to half the shorter: the boxes tile the map. With fewer than 4 common divisors, the
-    sides are powers of two, and N is the mean over grids from the four corners. So the value
-    jumps with the map's size (Lyon at 2 m/px: 1.901 for 240², 1.838 for 241², 1.887 for 242²).
-    Compare maps of one size only.
-    Unit: none. Range: 0 (a point) to 2 (the plane). The value depends on the size of pixels: finer
-    pixels read nearer to 2.
-    Empty map: NaN, as on maps too small for three sides, for example all of less than 8 pixels.
-    Source: Batty & Longley 1994, Fractal Cities, ch. 5.
+    that hold a built pixel. The sides ε are the common divisors of the map's height and width in
+    pixels, up to half of the map's shorter side. The boxes therefore cover the map without gaps or
+    overlaps. If height and width have fewer than 4 common divisors, the sides are powers of two.
+    For powers of two, N is the mean over four grids of boxes, one from each corner of the map. Maps
+    of nearly equal size may therefore have different values (Lyon at 2 m/px: 1.901 for 240², 1.838
+    for 241², 1.887 for 242²). Compare only maps of equal height and width. Unit: none. Range: 0 (a
+    point) to 2 (the plane). The value depends on the size of pixels: finer pixels give values
+    nearer to 2. Empty map: NaN, like every map that is too small for three sizes of boxes, for
+    example a map of 7 × 7 px. Source: Batty & Longley 1994, Fractal Cities, chapter 5.
 
     >>> built = np.ones((1, 1))
     >>> for _ in range(5):  # Sierpinski's carpet, ln 8 / ln 3
@@ -51,16 +55,16 @@ def box_dimension(city: CityMap) -> float:
 
 @fitness(range=(0, math.inf))
 def correlation_dimension(city: CityMap) -> float:
-    """Correlation dimension of the built ground: how built ground grows around built pixels.
+    """Correlation dimension of the built ground: how the amount of built ground grows with the
+    distance from built pixels.
 
-    Formula: slope of ln N(ε) on ln ε by least squares. N(ε) is ε² times the share of built pixels
-    in the windows of side ε centred on every built pixel. Only pixels on the map count. Windows
-    reach 4, 8, 16, 32 and 64 m from their centre, in whole pixels, at least 1. Windows
-    larger than the map do not count.
-    Unit: none. Range: 0 (single points) upwards; 2 where built ground spreads evenly. Cities have
-    1.48 to 1.91.
-    Empty map: NaN, as where fewer than three windows fit pixels and map.
-    Source: Grassberger & Procaccia 1983 (Physica D 9:189-208), with the square windows of Thomas,
+    Formula: slope of ln N(ε) on ln ε by least squares, with N(ε) = ε² times the share of built
+    pixels in all windows of side ε that are centred on built pixels. The parts of a window outside
+    the map do not count. Windows reach 4, 8, 16, 32 and 64 m from their centre, rounded to whole
+    pixels, at least 1 px. Windows larger than the map do not count. Unit: none. Range: 0 (single
+    points) upwards; 2 if built ground spreads evenly. Cities have values from 1.48 to 1.91.
+    Empty map: NaN, like every map in which fewer than three of the five windows fit. Source:
+    Grassberger & Procaccia 1983 (Physica D 9:189-208), with the square windows of Thomas,
     Frankhauser & Biernacki 2008 (Landscape and Urban Planning 84:99-115).
 
     >>> round(correlation_dimension(CityMap(np.full((64, 64), 9.0), 2.0)), 9)
@@ -80,13 +84,13 @@ def correlation_dimension(city: CityMap) -> float:
 
 @fitness(range=(1, math.inf))
 def lacunarity(city: CityMap) -> float:
-    """How much the gaps in built ground differ, seen through a window of 32 m.
+    """How much the amount of built ground varies between windows of 32 m.
 
-    Formula: Λ(r) = ⟨M²⟩ / ⟨M⟩², with M the number of built pixels in a box of side r = 32 m, whole
-    pixels, at every place on the map. Noise built with probability p reads 1 + (1 − p)/(p r²),
-    r in pixels.
-    Unit: none. Range: 1 (all windows alike) upwards. Empty map: NaN, as where the box is smaller
-    than a pixel or larger than the map.
+    Formula: Λ(r) = ⟨M²⟩ / ⟨M⟩², with M the number of built pixels in a box of side r, and ⟨ ⟩ the
+    mean over all places of the box on the map. The side r is 32 m, rounded to whole pixels. Noise
+    in which each pixel is built with probability p has the value 1 + (1 − p)/(p r²), with r in
+    pixels. Unit: none. Range: 1 (equal amounts in all windows) upwards. Empty map: NaN. The
+    lacunarity is NaN for a map that is smaller than the box, or has pixels larger than the box.
     Source: Allain & Cloitre 1991 (Physical Review A 44:3552-3558).
 
     >>> stripes = 9.0 * (np.arange(64) // 8 % 2) * np.ones((64, 1))
@@ -103,6 +107,33 @@ def lacunarity(city: CityMap) -> float:
         return Undefined(f"no box of {BOX:g} m holds anything built")
     places = (city.shape[0] - side + 1) * (city.shape[1] - side + 1)
     return places * int(second) / int(first) ** 2
+
+
+@fitness(goal="max", range=(0, 1))
+def autosimilarity(city: CityMap) -> float:
+    """How well the small blocks of a map resemble larger blocks nearby.
+
+    Formula: 1 − mean of (1 − ρ²), with ρ the best correlation of a range block with a shrunk domain
+    block under the 8 isometries. Range blocks have 4 × 4 px; blocks of one height do not count.
+    Domain blocks have 8 × 8 px and lie at most 12 px away from the range block. Flat ground and low
+    contrast do not raise the value. Unit: none. Range: 0 to 1; noise has a value of about 0.66, and
+    districts have values of .90 to .97. Empty map: 0, like every map in which each block has one
+    height. Rows and columns beyond the last complete block do not count. Source: Marsault 2005
+    §1.3. The error µ in this paper, divided by the variance of the block, equals 1 − ρ².
+
+    >>> stripes = np.zeros((32, 32))
+    >>> stripes[:, 14:18] = 9
+    >>> autosimilarity(CityMap(np.zeros((32, 32)), 2.0))
+    0.0
+    >>> round(autosimilarity(CityMap(stripes, 2.0)), 6)
+    1.0
+    """
+    from evocity.coding.matching import best_correlations
+
+    height, width = (side - side % RANGE for side in city.shape)
+    heights = np.ascontiguousarray(city.heights[:height, :width])
+    rho2, uniform = best_correlations(heights, RANGE, (2,), REACH)
+    return float(rho2[~uniform].mean(dtype=np.float64)) if not uniform.all() else 0.0
 
 
 def _sum_table(built: np.ndarray) -> np.ndarray:

@@ -30,22 +30,24 @@ class _Format(TableFormat):
         recipe = [name for name in document if name in _RECIPE_PARTS]
         if "fitness" in document or len(recipe) > 1:
             raise FitnessError(
-                f"a recipe, with {', '.join(recipe)}",
+                f"this file is a recipe, because it has the sections {', '.join(recipe)}",
                 "a table of building types, with [[type]] and [shares]",
-                "breed by a recipe with: evocity run; name a table or a measure here",
+                "run the recipe with evocity run, or name a table of types or a measure here",
             )
         super().check_parts(document)
 
 
 @dataclass(frozen=True, eq=False)
 class TypeTable(LimitTable):
-    """Types of buildings, each with one box of limits or several; every building has one type.
+    """Types of buildings, each with one or more sets of limits; every building has exactly one
+    type.
 
-    `TypeTable.read` reads a file, `TypeTable.of` its text.
+    The method `TypeTable.read` reads the table from a file, and `TypeTable.of` reads it from text.
 
-    entries : name and box of each ``[[type]]``; a row of a box is a feature of `FEATURES`.
-    shares : the share of the built ground that each type shall have, together 1; None if the table
-        has no ``[shares]``.
+    entries : name and limits of each ``[[type]]``; the rows of the limits follow the order of the
+        list `FEATURES`.
+    shares : desired share of each type in the built ground; the shares sum to 1. The attribute
+        ``shares`` is None if the table has no section ``[shares]``.
     """
 
     FORMAT: ClassVar = _Format(
@@ -58,13 +60,15 @@ class TypeTable(LimitTable):
     def of(cls, text: str | bytes) -> "TypeTable":
         """Read the table from its TOML ``text``.
 
-        Each ``[[type]]`` has a ``name`` and limits, ``FEATURE = { from = LOWEST, below = END }``:
-        the lowest value belongs to the type, the end does not; either may be left out. A type of
-        several entries takes what any of them takes. ``[shares]`` may give each type its share of
-        the built ground; a table with only ``[shares]`` has the types of this package.
+        Each section ``[[type]]`` has a ``name`` and limits of features, each written as
+        ``FEATURE = { from = LOWEST, below = END }``. The value LOWEST belongs to the type, and the
+        value END does not; a limit may omit LOWEST or END. If several entries have the name of one
+        type, this type includes the buildings of all these entries. The section ``[shares]`` may
+        give the desired share of each type in the built ground. If a table has only the section
+        ``[shares]``, its types are the default types of evocity.
 
-        Raises `FitnessError` for a document that is not a table of types; and if some building has
-        no type, or two.
+        Raises `FitnessError` if the document is not a table of types. The method raises
+        `FitnessError` if some building would have no type, or two types.
         """
         document = cls.FORMAT.document(text)
         only_shares = "shares" in document and "type" not in document
@@ -82,7 +86,7 @@ def packaged() -> TypeTable:
 def _shares(shares: object, names: tuple[str, ...]) -> np.ndarray | None:
     if shares is None:
         return None
-    expected = "a share of the built ground for each type, 0 or more, together 1"
+    expected = "for each type a share of the built ground, 0 or more, with the sum 1"
     example = f"for example {names[0]} = {1 if len(names) == 1 else 0.6} under [shares]"
     if not isinstance(shares, dict):
         raise FitnessError(f"shares = {spell(shares)}", f"[shares], {expected}", example)
@@ -95,7 +99,7 @@ def _shares(shares: object, names: tuple[str, ...]) -> np.ndarray | None:
     if faults:
         raise FitnessError(
             f"[shares] has {'; '.join(faults)}",
-            f"{expected}, of {', '.join(names)}",
+            f"{expected}; the types are {', '.join(names)}",
             f"correct [shares], {example}",
         )
     total = sum(shares.values())

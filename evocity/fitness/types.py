@@ -1,44 +1,52 @@
-"""Building types: shares of detached, row, courtyard block, slab, tower, hall and shed."""
+"""Building types and classes of objects: their shares, counts and mixtures."""
 
+import math
 from collections.abc import Mapping
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from evocity.citymap import CityMap
-from evocity.errors import FitnessError
-from evocity.fitness.measure import Undefined
+from evocity.fitness.measure import Undefined, keep_result
 from evocity.fitness.reference import Reference
-from evocity.fitness.registry import TABLES, fitness
+from evocity.fitness.registry import TABLES, fitness, name_of_file
 from evocity.fitness.type_table import TypeTable, packaged
 from evocity.genome import Genome
+from evocity.views.classes import packaged as packaged_classes
 
 #: The types of this package.
 TYPES = packaged()
+#: The classes of this package.
+CLASSES = packaged_classes().names
 
 
 @fitness(range=(0, 1), numbers=TYPES.names, any_site=True)
 def building_types(city: CityMap) -> Mapping[str, float]:
-    """Shares of built ground of detached houses, rows, courtyard blocks, slabs and other types.
+    """Shares of built ground that detached houses, rows, courtyard blocks, slabs and other types
+    cover.
 
-    Gaps and steps of height separate buildings. Each building has one type, by five features: area,
-    mean height, share of party walls in the outline, courts of its built component, and
-    elongation. `evocity/data/building-types.toml` has the limits and the reason
-    for each; `types_of` gives the type of each building. In short:
+    - Sheds (`building_types.shed`) cover less than 36 m².
+    - Courtyard blocks (`building_types.courtyard_block`) enclose, alone or with adjoining
+      buildings, courts of 3 % of the footprint or more.
+    - Rows (`building_types.row`) stand wall to wall around smaller courts or none, or are low, long
+      and free-standing.
+    - Slabs (`building_types.slab`) are free-standing: either long and at least 10 m high, or
+      compact, large and at least 16 m high.
+    - Towers (`building_types.tower`) are free-standing, compact and at least 16 m high, or stand in
+      a street block and are at least 40 m high.
+    - Halls (`building_types.hall`) are low, and either deep or very long.
+    - Detached houses (`building_types.detached`) are all other free-standing buildings.
 
-    `building_types.shed`, under 36 m²; `building_types.courtyard_block`, built together around
-    courts of 3 % of the footprint or more; `building_types.row`, wall to wall without such courts,
-    or low, long and free-standing; `building_types.slab`, free-standing and long, 10 m high or
-    more, or compact, large and 16 m high; `building_types.tower`, free-standing, compact and 16 m
-    high, or within a street block and 40 m high; `building_types.hall`, low and deep or very long;
-    `building_types.detached`, all other free-standing buildings.
+    Gaps and steps of height separate buildings. Five features decide the type of a building: area,
+    mean height, share of party walls in the outline, courts of its built component, and elongation.
+    The file `evocity/data/building-types.toml` lists the limits and the reason for each. The
+    function `types_of` returns the type of each building.
 
     Formula: Σ A over the buildings of the type / Σ A over all, with A the area of the footprint.
-    Unit: none. Range: 0 to 1, all types together 1. Heights decide most types: a map without
-    heights shows little.
+    Unit: none. Range: 0 to 1; the shares of all types sum to 1. Heights decide most types, so the
+    shares of a map without heights mean little.
     Empty map: NaN (nothing is built).
     Source: Marsault 2002 §6.2 asks for the "known distribution of a type of building or dwelling".
-    The types are common in planning; their limits are ours where the table names no source.
+    The types are common in planning. Limits for which the table names no source are our own.
 
     >>> heights = np.zeros((64, 64))
     >>> heights[8:14, 8:13] = 6  # a house of 12 m × 10 m
@@ -52,16 +60,17 @@ def building_types(city: CityMap) -> Mapping[str, float]:
 
 @fitness(goal="min", range=(0, 1), any_site=True)
 def type_distance(city: CityMap, reference: Reference, genome: Genome | None = None) -> float:
-    """Distance of the city's mixture of building types from that of other cities.
+    """Distance between the mixture of building types on the map and the mixture in other cities.
 
     Formula: ½ Σ \\|p − q\\| over the types, with p the share of built ground that each type has in
-    the city (`building_types`), and q that in the reference. It is the least share of the built
-    ground that must change its type. For several cities, q is the mean by weight. A source city of
-    a run weighs as much as the built ground of the map that comes from it.
-    Unit: none. Range: 0 (the same mixture) to 1 (no type in common).
-    Empty map: NaN, as where the reference has no buildings, or no built ground comes from it.
-    Source: "known distribution of a type of building or dwelling", Marsault 2002 §6.2; the
-    distance is that of total variation.
+    the city (`building_types`), and q the share in the reference. The distance is the least share
+    of the built ground that must change its type to reach the mixture of the reference. If the
+    reference has several cities, q is the weighted mean of their shares. The weight of a source
+    city of a run is the built ground of the map that comes from this city. Unit: none. Range: 0
+    (the same mixture) to 1 (no type in common). Empty map: NaN. The distance is NaN if the
+    reference has no buildings, or if no built ground of the map comes from the reference. Source:
+    "known distribution of a type of building or dwelling", Marsault 2002 §6.2; the formula is the
+    total variation distance.
 
     >>> lyon = evocity.read_map("lyon-1er")
     >>> type_distance(lyon, reference=lyon)
@@ -72,11 +81,70 @@ def type_distance(city: CityMap, reference: Reference, genome: Genome | None = N
     return _distance(city, TYPES, reference, genome)
 
 
-def types_of(city: CityMap, table: TypeTable | None = None) -> tuple[str, ...]:
-    """Give the type of each building, by name, in the order of ``city.buildings``.
+@fitness(range=(0, 1), numbers=CLASSES, any_site=True)
+def object_classes(city: CityMap) -> Mapping[str, float]:
+    """Share of each class of objects in the ground that objects cover.
 
-    table : the table of types; None for the package's. About 0.3 ms at 256² once
-    `CityMap.buildings` has its shapes.
+    - Buildings have the class `object_classes.building`, and sheds have `object_classes.shelter`.
+    - Benches, kiosks and hedges have the class `object_classes.furniture`.
+    - Pools, lawns and car parks have the class `object_classes.ground`.
+    - Poles and lamps have the class `object_classes.post`.
+    - Trees have the class `object_classes.tree`, and fountains have `object_classes.fountain`.
+
+    Gaps and steps of height separate the objects on a map. Area, height and shape decide the class
+    of an object. The file `evocity/data/classes.toml` lists the limits and the reason for each. The
+    property `CityMap.classes` holds the class of each object.
+
+    Formula: Σ A over the objects of the class / Σ A over all, with A the area of the footprint.
+    Unit: none. Range: 0 to 1; the shares of all classes sum to 1. Maps made from footprints have
+    only buildings and shelters, but a few of the smallest look like trees or posts.
+    Empty map: NaN (there is no object).
+    Source: the seven classes are by Marsault 2005 (001 §3.1, figure 10). Marsault 2002 (§6.2)
+    proposes known distributions of types as a goal. The limits are our own.
+
+    >>> heights = np.zeros((64, 64))
+    >>> heights[8:18, 8:18] = 6  # a house of 10 m × 10 m
+    >>> heights[40:50, 8:58] = 0.2  # a lawn of 50 m × 10 m
+    >>> shares = object_classes(CityMap(heights, 1.0))
+    >>> round(shares["building"], 3), round(shares["ground"], 3)
+    (0.167, 0.833)
+    """
+    classes = city.classes
+    if not len(classes):
+        return dict.fromkeys(CLASSES, Undefined(f"nothing stands on {city.name}"))
+    return classes.shares
+
+
+@fitness(range=(0, math.inf), unit="/ha", numbers=CLASSES, any_site=True)
+def object_counts(city: CityMap) -> Mapping[str, float]:
+    """Number of objects of each class per hectare.
+
+    The classes are those of `object_classes`: `object_counts.building`,
+    `object_counts.furniture`, `object_counts.tree`, `object_counts.ground`,
+    `object_counts.fountain`, `object_counts.shelter`, `object_counts.post`.
+
+    Formula: number of objects of the class / area of the map in hectares.
+    Unit: 1/ha. Range: 0 upwards. Adjoining houses of nearly equal height count as one building.
+    Empty map: 0.
+    Source: the seven classes are by Marsault 2005 (001 §3.1, figure 10); the limits are our own.
+
+    >>> heights = np.zeros((100, 100))
+    >>> heights[8:18, 8:18] = 6
+    >>> heights[30::20, 50] = 8  # four lamps
+    >>> counts = object_counts(CityMap(heights, 1.0))
+    >>> counts["building"], counts["post"]
+    (1.0, 4.0)
+    """
+    return {name: count * 1e4 / city.area for name, count in city.classes.counts.items()}
+
+
+def types_of(city: CityMap, table: TypeTable | None = None) -> tuple[str, ...]:
+    """Return the name of the type of each building, in the order of ``city.buildings``.
+
+    table : the table of types; None means the table of this package.
+
+    The function takes about 0.3 ms for 256 × 256 px, if the shapes of `CityMap.buildings` are
+    already computed.
 
     >>> heights = np.zeros((64, 64))
     >>> heights[8:14, 8:13] = 6
@@ -88,6 +156,7 @@ def types_of(city: CityMap, table: TypeTable | None = None) -> tuple[str, ...]:
     return tuple(table.names[k] for k in table.classified(features(city)))
 
 
+@keep_result
 def features(city: CityMap) -> np.ndarray:
     """Compute the features of the n buildings that a table of types may limit: float64 ``(5, n)``,
     rows as in `type_table.FEATURES`.
@@ -96,22 +165,20 @@ def features(city: CityMap) -> np.ndarray:
     the built component encloses, divided by its area; area divided by the square of the long side
     of `Buildings.box`, at most 1. Courts of a component that stands in a court count there only.
     """
-    if city not in _features:
-        table, ground = city.buildings, city.open_space
-        enclosed = ground.enclosed_by >= 0
-        courts = np.bincount(
-            ground.enclosed_by[enclosed], ground.area[enclosed], minlength=city.areas.size
-        )
-        _features[city] = np.stack(
-            [
-                table.area,
-                table.height,
-                table.shared / table.sides,
-                (courts / city.areas)[table.component],
-                np.minimum(table.area / table.box[:, 0] ** 2, 1),
-            ]
-        )
-    return _features[city]
+    table, ground = city.buildings, city.open_space
+    enclosed = ground.enclosed_by >= 0
+    courts = np.bincount(
+        ground.enclosed_by[enclosed], ground.area[enclosed], minlength=city.areas.size
+    )
+    return np.stack(
+        [
+            table.area,
+            table.height,
+            table.shared / table.sides,
+            (courts / city.areas)[table.component],
+            np.minimum(table.area / table.box[:, 0] ** 2, 1),
+        ]
+    )
 
 
 def shares(city: CityMap, table: TypeTable) -> np.ndarray | Undefined:
@@ -164,12 +231,7 @@ def _declare(stem: str, content: bytes) -> None:
 
     The distance is that from the table's shares if it has them, else from a reference.
     """
-    if not stem.isidentifier():
-        raise FitnessError(
-            f"the name of the table file, {stem}, cannot name a measure",
-            "a file name that is a valid name of a measure",
-            "rename the file, for example to types.toml",
-        )
+    name_of_file(stem, ".toml", "types")
     table = TypeTable.of(content)
 
     def numbers(city):
@@ -191,5 +253,3 @@ def _declare(stem: str, content: bytes) -> None:
 
 
 TABLES[".toml"] = _declare
-
-_features: WeakKeyDictionary[CityMap, np.ndarray] = WeakKeyDictionary()

@@ -24,10 +24,8 @@ _SURFACES = _text([{"type": f"{part}Surface"} for part in ("Ground", "Wall", "Ro
 
 
 def cityjson(groups: Sequence[Group], about: About) -> str:
-    """Write a CityJSON document, with an object for each solid and surface of the ``groups``.
-
-    Source: CityJSON 2.0.1 specification (cityjson.org).
-    """
+    """Write a CityJSON document (specification 2.0.1, cityjson.org), with an object for each solid
+    and surface of the ``groups``."""
     # long arrays become text directly: lists of numbers for json would take most of the time
     rings = [group.rings.on_grid(SCALE) for group in groups]
     tall = [np.round(group.heights / SCALE).astype(np.int64) for group in groups]

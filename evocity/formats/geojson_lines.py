@@ -20,15 +20,17 @@ _DEEPEST = 20
 
 
 def read_document(path: Path, name: str = "") -> dict:
-    """Read the JSON object of a file, {} for other JSON; ``name`` is the file's in messages.
-
-    Raises `MapError` for a file that cannot be read, is not JSON, or is too large.
-    """
+    """Read the JSON object of a file, {} for other JSON; ``name`` is the file's in messages. Raises
+    `MapError` for a file that cannot be read, is not JSON, or is too large."""
     try:
         with open(path, "rb") as file:
             content = file.read(MOST_MEMORY // 2 + 1)
     except OSError as error:
-        raise MapError(f"{path}: {reason_of(error)}", "a GeoJSON file", "check the path") from None
+        raise MapError(
+            f"{path} cannot be opened: {reason_of(error)}",
+            "a GeoJSON file that you may read",
+            "check the path and the permissions",
+        ) from None
     return parse_document(content, name or path.name)
 
 
@@ -40,8 +42,8 @@ def parse_document(content: bytes, name: str) -> dict:
             raise MapError(
                 f"{name} has {content.count(b'[') + content.count(b'{')} lists and objects in "
                 f"{len(content) / 1e6:.0f} MB of JSON, which would take too much memory",
-                f"a file that takes at most {MOST_MEMORY / 1e9:g} GB of memory, about 100 MB of "
-                "footprints",
+                f"a file that takes at most {MOST_MEMORY / 1e9:g} GB of memory; a file of 100 MB "
+                "takes about this much",
                 "cut the file to the district and its surroundings, for example in QGIS",
             )
         document = json.loads(content)
@@ -55,12 +57,9 @@ def parse_document(content: bytes, name: str) -> dict:
 
 
 def lines_in(document: dict, name: str, kinds: Collection[str] = LINEAR) -> list[np.ndarray]:
-    """List the lines of a document in their order, each float ``(n, 2)``, without points that
-    repeat the one before; lines of one point stay. Geometries of other ``kinds`` are skipped.
-
-    Raises `MapError` for coordinates that are not lists of finite numbers, and for more points than
-    `MOST_POINTS`.
-    """
+    """List the lines of a document in their order, each float ``(n, 2)``, without repeated points;
+    lines of one point stay, geometries of other ``kinds`` do not. Raises `MapError` for coordinates
+    that are not lists of finite numbers, and for more points than `MOST_POINTS`."""
     lines: list[np.ndarray] = []
     waiting: list[tuple[object, int]] = [(document, 0)]
     while waiting:
@@ -85,7 +84,11 @@ def lines_in(document: dict, name: str, kinds: Collection[str] = LINEAR) -> list
             f"at most {MOST_POINTS} points",
             "simplify the lines",
         )
-    return [line[_differs(line)] for line in lines if len(line)]
+    return [
+        line[np.append(True, (np.diff(line, axis=0) != 0).any(axis=1))]
+        for line in lines
+        if len(line)
+    ]
 
 
 def _children(node: dict) -> list:
@@ -111,11 +114,6 @@ def _points(row: Sequence) -> np.ndarray:
     if not np.isfinite(points).all():
         raise ValueError("a number that is not finite")
     return points
-
-
-def _differs(line: np.ndarray) -> np.ndarray:
-    """Mark the points that differ from the one before, bool ``(n,)``."""
-    return np.append(True, (np.diff(line, axis=0) != 0).any(axis=1))
 
 
 def _estimate_memory(content: bytes) -> int:

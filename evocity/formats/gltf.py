@@ -18,14 +18,12 @@ _MOST = 2**16 - 1
 
 
 def glb(groups: Sequence[Group], about: About) -> bytes:
-    """Write the bytes of a .glb: a node, a mesh and a material for each group, colours linear.
+    """Write the bytes of a .glb (Khronos, glTF 2.0 specification): a node, a mesh and a material
+    for each group, colours linear.
 
     A shape with two copies or more in a group has its own mesh, and each copy is a node below the
-    group's. A mirrored copy has a scale of x below 0, which reverses its triangles by the
-    specification (3.7.4). There are no normals: viewers make flat ones (3.7.2.1), so walls share
-    corners.
-
-    Source: Khronos, glTF 2.0 specification.
+    group's. A mirrored copy has a scale of x below 0, which reverses its triangles (3.7.4). There
+    are no normals: viewers make flat ones (3.7.2.1), so walls share corners.
     """
     place = {"crs": about.crs or "", "offset": list(about.offset), "attribution": about.attribution}
     document = {

@@ -14,15 +14,13 @@ FLOOR, WALL, ROOF = 0, 1, 2
 
 @dataclass(frozen=True)
 class About:
-    """Description of a scene besides its solids.
+    """Description of a scene besides its solids: ``name`` and ``attribution`` as of a map, and
+    ``measures`` of the map by name.
 
-    name, attribution : as of a map.
     crs : its reference system, an authority code or a PROJ string, or None.
-    offset : (x, y) of the local corner in ``crs``; (0, 0) without a place on Earth.
-    size : (x, y) of the ground, metres.
-    window : for reading a map of the scene again: (x, y) of the middle of a square window in
-        ``crs``, and metres a pixel.
-    measures : values of the map's measures, by name.
+    offset, size : (x, y) of the local corner in ``crs``, or (0, 0); (x, y) of the ground, metres.
+    window : for reading a map again: (x, y) of a square window's middle in ``crs``, and metres a
+        pixel.
     """
 
     name: str
@@ -151,12 +149,12 @@ class Rings:
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangles of solids, each closed and manifold by itself.
+    """Triangles of solids, each closed and manifold by itself: ``points``, float64 ``(p, 3)``, x,
+    y, z up, metres; the solid (``owner``) and `FLOOR`, `WALL` or `ROOF` (``part``) of each triangle
+    ``(t,)``.
 
-    points : float64 ``(p, 3)``, x, y, z up, metres.
     triangles : int32 ``(t, 3)``, counterclockwise from outside; the second halves of walls follow
         all first halves, in the same order.
-    owner : int32 ``(t,)``, the solid of each. part : uint8 ``(t,)``: `FLOOR`, `WALL`, `ROOF`.
     """
 
     points: np.ndarray

@@ -1,9 +1,8 @@
 """VRML97, the format of the papers (Marsault 2002 §5.6), and its successor X3D; y up.
 
-Each group is a Group, each solid a Shape in it. A solid without courtyards is an Extrusion, which
-has each corner once; other solids are an IndexedFaceSet, whose faces index its own few points.
+Each group is a Group, each solid a Shape: an Extrusion, or an IndexedFaceSet if it has courtyards.
 Lengths are whole millimetres from the north-west corner, which makes short numbers; a Transform
-about all converts them to metres from the south-west corner.
+converts them to metres from the south-west corner.
 """
 
 import math
@@ -93,7 +92,8 @@ def _fill_templates(
     for group in groups:
         if len(group):
             colour = " ".join(f"{c:.4g}" for c in group.colour)
-            yield _word(group.name), colour, _geometries(group, deep, *templates)
+            name = "".join(c if c.isascii() and c.isalnum() else "_" for c in group.name)
+            yield name, colour, _geometries(group, deep, *templates)
 
 
 def _viewpoint(about: About) -> str:
@@ -160,7 +160,3 @@ def _faces(group: Group, chosen: np.ndarray) -> list[str]:
 
 def _quote(text: str) -> str:
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
-
-
-def _word(text: str) -> str:
-    return "".join(c if c.isascii() and c.isalnum() else "_" for c in text)

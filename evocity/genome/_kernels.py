@@ -6,6 +6,15 @@ from evocity.accelerate import kernel
 
 
 @kernel
+def part_corner(a, whole, down, along, side):
+    """Find the north-west pixel of a part's source in the source of its square of ``whole`` px; the
+    part of ``side`` px lies at (down, along). ``a`` is a row of `isometries.AFFINE`."""
+    y = a[0] * (whole - 1) + a[2] * down + a[4] * along + min(0, (a[2] + a[4]) * (side - 1))
+    x = a[1] * (whole - 1) + a[3] * down + a[5] * along + min(0, (a[3] + a[5]) * (side - 1))
+    return y, x
+
+
+@kernel
 def lay_pieces(whose, row, column, iso, cell, root, height, width, starts, index, top, left, side,
                affine, found):  # fmt: skip
     """Tile a map with the largest squares, from ``root`` px down by halves, that show a part of a
@@ -61,11 +70,8 @@ def lay_pieces(whose, row, column, iso, cell, root, height, width, starts, index
                     else:
                         down, along = y - i * cell, x - j * cell
                         fits = down + s <= cell and along + s <= cell
-                        last = s - 1
-                        py = a[0] * (cell - 1) + a[2] * down + a[4] * along
-                        px = a[1] * (cell - 1) + a[3] * down + a[5] * along
-                        py += min(0, (a[2] + a[4]) * last) + row[i, j] * cell
-                        px += min(0, (a[3] + a[5]) * last) + column[i, j] * cell
+                        py, px = part_corner(a, cell, down, along, s)
+                        py, px = py + row[i, j] * cell, px + column[i, j] * cell
                     if fits:
                         k = index[g, py, px]
                         b = starts[g] + k
@@ -91,18 +97,13 @@ def lay_pieces(whose, row, column, iso, cell, root, height, width, starts, index
 @kernel
 def merge_siblings(top, left, side, index, most, same, numbers, affine, alive):
     """Merge four range blocks that form one of twice the side and continue each other, from the
-    finest up, to the side ``most``. In place: the north-west one becomes the whole, the others
-    are no longer ``alive``. Returns the number of merges.
-
-    ``same`` (m, n) are values, as bits, that must be equal; ``numbers`` (8, n): x, y, dx, dy of the
-    domain block, iso, row and column of the source, turn.
-    """
-    merges = 0
-    s = np.int64(most)
-    least = np.int64(most)
+    finest up, to the side ``most``: the north-west one becomes the whole, the others are no longer
+    ``alive``. Returns the number of merges. ``same`` (m, n) are values, as bits, that must be
+    equal; ``numbers`` (8, n): x, y, dx, dy of the domain block, iso, row and column of the source,
+    turn."""
+    merges, s = 0, np.int64(most)
     for i in range(side.size):
-        least = min(least, side[i])
-    s = least
+        s = min(s, side[i])
     while 2 * s <= most:
         for i in range(side.size):
             if not alive[i] or side[i] != s or top[i] % (2 * s) or left[i] % (2 * s):
@@ -115,32 +116,21 @@ def merge_siblings(top, left, side, index, most, same, numbers, affine, alive):
             for q in range(4):
                 a, b = q // 2, q % 2
                 k = index[top[i] + a * s, left[i] + b * s]
-                if not alive[k] or side[k] != s:
-                    ok = False
-                    break
-                if top[k] != top[i] + a * s or left[k] != left[i] + b * s:
-                    ok = False
-                    break
+                ok = alive[k] and side[k] == s
+                ok &= top[k] == top[i] + a * s and left[k] == left[i] + b * s
                 for m in range(same.shape[0]):
-                    if same[m, k] != same[m, i]:
-                        ok = False
-                if numbers[2, k] != numbers[2, i] or numbers[3, k] != numbers[3, i]:
+                    ok &= same[m, k] == same[m, i]
+                ok &= numbers[2, k] == numbers[2, i] and numbers[3, k] == numbers[3, i]
+                if not ok or numbers[4, k] != iso or numbers[7, k] != turn:
                     ok = False
-                if numbers[4, k] != iso or numbers[7, k] != turn:
-                    ok = False
-                if not ok:
                     break
                 # the north-west pixel of this quadrant in the whole's domain, and in its source
-                t = affine[iso]
-                v = t[0] * (2 * s - 1) + (t[2] * a + t[4] * b) * s + min(0, (t[2] + t[4]) * (s - 1))
-                u = t[1] * (2 * s - 1) + (t[3] * a + t[5] * b) * s + min(0, (t[3] + t[5]) * (s - 1))
+                v, u = part_corner(affine[iso], 2 * s, a * s, b * s, s)
                 dx, dy = numbers[0, k], numbers[1, k]
                 if numbers[2, i] > 0:
                     dx -= numbers[2, i] // s * u
                     dy -= numbers[3, i] // s * v
-                t = affine[turn]
-                v = t[0] * (2 * s - 1) + (t[2] * a + t[4] * b) * s + min(0, (t[2] + t[4]) * (s - 1))
-                u = t[1] * (2 * s - 1) + (t[3] * a + t[5] * b) * s + min(0, (t[3] + t[5]) * (s - 1))
+                v, u = part_corner(affine[turn], 2 * s, a * s, b * s, s)
                 dr, dc = numbers[5, k] - v, numbers[6, k] - u
                 if q == 0:
                     x, y, sr, sc = dx, dy, dr, dc
@@ -172,15 +162,10 @@ def part_places(
     arrays of squares a value for each square."""
     for k in range(lifs.size):
         i, s = lifs[k], np.int64(side[k])
-        last = s - 1
-        a = affine[turn[i]]
-        v = a[0] * (whole[i] - 1) + a[2] * down[k] + a[4] * along[k] + min(0, (a[2] + a[4]) * last)
-        u = a[1] * (whole[i] - 1) + a[3] * down[k] + a[5] * along[k] + min(0, (a[3] + a[5]) * last)
+        v, u = part_corner(affine[turn[i]], whole[i], down[k], along[k], s)
         sources[k] = source[i] + v * 32768 + u
         tall, wide = dy[i] // whole[i], dx[i] // whole[i]
-        a = affine[iso[i]]
-        v = a[0] * (whole[i] - 1) + a[2] * down[k] + a[4] * along[k] + min(0, (a[2] + a[4]) * last)
-        u = a[1] * (whole[i] - 1) + a[3] * down[k] + a[5] * along[k] + min(0, (a[3] + a[5]) * last)
+        v, u = part_corner(affine[iso[i]], whole[i], down[k], along[k], s)
         tops[k], lefts[k] = y[i] + tall * v, x[i] + wide * u
         talls[k], wides[k] = tall * s, wide * s
 

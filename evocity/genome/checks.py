@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from evocity.citymap import PIXEL_SIDES
+from evocity.citymap import MOST_ATTRIBUTION, PIXEL_SIDES
 from evocity.condensation import Condensation
-from evocity.errors import GenomeError
+from evocity.errors import GenomeError, is_number, spell
 from evocity.genome._kernels import in_bounds
 from evocity.genome.nucleotides import FIELDS, Nucleotide
 
@@ -17,9 +17,9 @@ def typed_array(name: str, values, nucleotide: Nucleotide, count: int) -> np.nda
     array = np.asarray(values)
     if array.shape != (count,):
         raise GenomeError(
-            f"{name} has the shape {array.shape}",
-            f"the shape ({count},), with one value per range block",
-            "build the arrays from the genome's own pavement",
+            f"the array {name} has the shape {array.shape}",
+            f"an array of the shape ({count},), with one value per range block",
+            "give each array as many values as the genome has range blocks",
         )
     if nucleotide.dtype.kind in "iu" and array.dtype != nucleotide.dtype:
         limits = np.iinfo(nucleotide.dtype)
@@ -27,38 +27,36 @@ def typed_array(name: str, values, nucleotide: Nucleotide, count: int) -> np.nda
             array.size and (array.min() < limits.min or array.max() > limits.max)
         ):
             raise GenomeError(
-                f"{name} of type {array.dtype} has values that {nucleotide.dtype} cannot hold",
+                f"the {array.dtype} array {name} has values that {nucleotide.dtype} cannot hold",
                 f"whole numbers from {limits.min} to {limits.max}",
-                "round and limit the values first",
+                "round the values, and clip them to these limits",
             )
     ours = array.base is None and not array.flags.writeable  # else a caller may still write to it
     if array.dtype != nucleotide.dtype or not ours or not array.flags.c_contiguous:
         array = np.array(array, dtype=nucleotide.dtype, order="C")
         if array.dtype.kind == "f":
-            array += nucleotide.dtype.type(0)  # −0 would change the digest
+            with np.errstate(invalid="ignore"):  # a signalling NaN of a damaged file
+                array += nucleotide.dtype.type(0)  # −0 would change the digest
         array.setflags(write=False)
     return array
 
 
 def check_description(genome) -> None:
     """Raise one `GenomeError` that lists every fault of a genome's description."""
-
-    def number(value) -> bool:
-        return isinstance(value, int | float | np.number) and not isinstance(value, bool)
-
     pixel, origin, layer, p = (
         genome.metres_per_pixel, genome.origin, genome.condensation, genome.pavement
     )  # fmt: skip
     low, high = PIXEL_SIDES
     faults = {
-        f"metres_per_pixel = {pixel!r}": number(pixel) and low <= pixel <= high,
-        f"sigma_max = {genome.sigma_max!r}": number(genome.sigma_max) and genome.sigma_max > 0,
+        f"metres_per_pixel = {pixel!r}": is_number(pixel) and low <= pixel <= high,
+        f"sigma_max = {genome.sigma_max!r}": is_number(genome.sigma_max) and genome.sigma_max > 0,
         "cities that are not names": 0 < len(genome.cities) <= 256
         and all(isinstance(city, str) for city in genome.cities),
-        f"attribution = {genome.attribution!r}": isinstance(genome.attribution, str),
-        f"crs = {genome.crs!r}": genome.crs is None or isinstance(genome.crs, str),
+        f"attribution = {spell(genome.attribution)}": isinstance(genome.attribution, str)
+        and len(genome.attribution) <= MOST_ATTRIBUTION,
+        f"crs = {spell(genome.crs)}": genome.crs is None or isinstance(genome.crs, str),
         f"origin = {origin!r}": origin is None
-        or (len(origin) == 2 and all(number(at) and math.isfinite(at) for at in origin)),
+        or (len(origin) == 2 and all(is_number(at) and math.isfinite(at) for at in origin)),
         f"condensation = {layer!r}": layer is None
         or (isinstance(layer, Condensation) and layer.shape == (p.height, p.width)),
     }
@@ -66,8 +64,8 @@ def check_description(genome) -> None:
     if wrong:
         raise GenomeError(
             "; ".join(wrong),
-            f"a pixel size of {low:g} to {high:g} m, 1…256 names of cities, text, (x, y) or None, "
-            "a Condensation of the map's size or None",
+            f"a pixel size of {low:g} to {high:g} m, 1…256 names of cities, text of at most "
+            f"{MOST_ATTRIBUTION} letters, (x, y) or None, a Condensation of the map's size or None",
             "correct them, or encode the map again",
         )
 

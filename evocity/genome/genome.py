@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from evocity.condensation import Condensation
-from evocity.errors import GenomeError
+from evocity.errors import GenomeError, plain_text
 from evocity.genome.checks import check_bounds, check_description, typed_array
 from evocity.genome.nucleotides import FIELDS, MOST_PARENTS, NEWER, NUCLEOTIDES
 from evocity.genome.writer import write_genome
@@ -21,38 +21,41 @@ from evocity.pavement import Pavement
 
 @dataclass(frozen=True, eq=False)
 class Genome(Displayed):
-    """Code of a map: a chromosome with one lifs (σ, β, x, y, Dx, Dy, iso) for each range block of
-    its pavement.
+    """Code of a map: a chromosome that has one lifs for each range block of the map. The fields of
+    a lifs are σ, β, x, y, dx, dy and iso.
 
-    ω_i shrinks its domain block to the size of range block i by averaging, multiplies by σ, adds
-    β, applies the isometry and writes range block i (Marsault 2002 §2.2). A lifs without a domain
-    (``dx == dy == 0``; then σ = 0 and x = y = iso = 0) codes a flat block of height β.
+    The function ω_i averages its domain block to the size of range block i, and multiplies the
+    heights by σ. After the multiplication by σ, ω_i adds β, applies the isometry and writes range
+    block i (Marsault 2002 §2.2). A lifs without a domain block codes a flat range block of height
+    β. A lifs without a domain block has the value 0 in its fields σ, x, y, dx, dy and iso.
 
     Parameters
     ----------
     pavement : places and sides of the range blocks.
-    sigma … iso : arrays ``(n,)``, with the types and bounds in `NUCLEOTIDES`.
-    parent, source, turn, other, part : arrays ``(n,)``, described in `PROVENANCE`. They give the
-        place in a source city that each range block shows. If the last three are missing, every
-        place lies unturned in one city.
+    sigma … iso : arrays ``(n,)`` of nucleotides, with the types and bounds in `NUCLEOTIDES`.
+    parent, source, turn, other, part : arrays ``(n,)``, described in `PROVENANCE`. Each range block
+        shows a place in a source city, and the arrays hold these places. Without the arrays
+        ``turn``, ``other`` and ``part``, each range block shows a single city, without an isometry.
     metres_per_pixel : side of a pixel of the coded map, metres.
-    cities : names of the source cities; the array ``parent`` holds indices into these names. A name
-        stands for one city, so give maps different names before breeding them.
+    cities : names of the source cities; the array ``parent`` holds indices into these names.
+        Breeding identifies cities by their names, so give different maps different names before you
+        breed them.
     sigma_max : bound on \\|σ\\|; infinity for codes without a bound.
     attribution : text that the licences of the sources demand.
     origin, crs : place of the decoded map on Earth, as in `CityMap`; None without a place.
     made : description of the birth: the operator, its parameters and its results.
-    condensation : heights that decoding keeps, on a grid of the pavement's size; None without.
-        Operators pass it on unchanged.
-    settle : whether `evocity.decode` makes roofs flat by default. It is False for codes made by
-        hand and for codes of older releases; `evocity.encode` sets True.
+    condensation : heights of the pixels that decoding does not change, or None. Operators copy the
+        condensation to the child unchanged.
+    settle : whether `evocity.decode` makes roofs flat by default; `evocity.encode` sets this field
+        to True. The field ``settle`` is False for codes made by hand and for codes of older
+        releases.
 
     Raises
     ------
     GenomeError : nucleotides are out of bounds; the message counts and lists them.
 
-    The constructor copies the arrays, converts them to their types and makes them read-only. So
-    operators return new genomes.
+    The constructor copies the arrays, converts their types and makes the copies read-only.
+    Operators never change a genome: they return new genomes.
     """
 
     pavement: Pavement
@@ -104,7 +107,7 @@ class Genome(Displayed):
     def __repr__(self) -> str:
         p = self.pavement
         return (
-            f"Genome({' × '.join(self.cities)}: {len(self)} lifs, B = {sides_text(p)}, "
+            f"Genome({plain_text(' × '.join(self.cities))}: {len(self)} lifs, B = {sides_text(p)}, "
             f"{p.height} × {p.width} px at {self.metres_per_pixel:g} m, "
             f"{np.count_nonzero(self.uniform)} uniform)"
         )
@@ -125,12 +128,14 @@ class Genome(Displayed):
     @property
     def shares(self) -> np.ndarray:
         """Share of the map that comes from each source city, float64 ``(len(cities),)``. The shares
-        add up to 1. A lifs between two cities counts for both, by its ``part``."""
+        add up to 1. A lifs that interpolates two cities counts for both cities, in the shares that
+        ``part`` gives."""
         return self.shares_of(self.pavement.area.astype(float))
 
     def shares_of(self, pixels: np.ndarray) -> np.ndarray:
-        """Compute the `shares` over some of the pixels. The argument ``pixels`` ``(n,)`` is the
-        number of such pixels in each range block. All shares are 0 if there are no pixels."""
+        """Compute the `shares` of source cities in a part of the map. The argument pixels ``(n,)``
+        is the number of pixels that each range block has in the part of the map. All shares are 0
+        if there are no pixels."""
         count = len(self.cities)
         total = np.bincount(self.parent, self.part * pixels, count)
         total += np.bincount(self.other, (1 - self.part) * pixels, count)
@@ -155,7 +160,7 @@ class Genome(Displayed):
         return state.hexdigest()
 
     def replace(self, **changes: Any) -> "Genome":
-        """Return a new genome with some fields changed, checked as at construction."""
+        """Return a new genome with some fields changed; the constructor checks the new fields."""
         if changes.keys() == {"made"} and type(self) is Genome:  # nothing to check or copy
             other = copy(self)
             object.__setattr__(other, "made", dict(changes["made"]))
@@ -164,11 +169,11 @@ class Genome(Displayed):
         return Genome(**(fields | changes))
 
     def write(self, path: str | os.PathLike) -> None:
-        """Write a Parquet file with one row for each lifs. The metadata of its schema hold
-        everything else.
+        """Write a Parquet file with one row for each lifs. The metadata of the file's schema hold
+        the fields that have one value for the whole genome.
 
-        The file is written whole or not at all. DuckDB, polars and pandas read it directly. Raises
-        `GenomeError` if writing fails.
+        A failed write leaves no partial file. DuckDB, polars and pandas read the file directly.
+        Raises `GenomeError` if writing fails.
         """
         write_genome(self, path)
 
@@ -179,19 +184,19 @@ def sides_text(pavement: Pavement) -> str:
 
 
 def merged_cities(genomes: Iterable[Genome]) -> tuple[tuple[str, ...], list[np.ndarray], str]:
-    """Join the lists of source cities of ``genomes`` for their child.
+    """Merge the lists of source cities of ``genomes`` for their child.
 
-    Returns three values. The first lists the names, each once, in order of appearance. The second
-    gives, for each genome, the index of each of its cities among these names, uint8. The third is
-    the joined attributions.
+    The first result lists the names, each once, in order of appearance. The second result gives,
+    for each genome, the index of each of its cities in the first result, uint8. The third result is
+    the joined attribution.
     """
     genomes = list(genomes)
     names = list(dict.fromkeys(city for genome in genomes for city in genome.cities))
     if len(names) > MOST_PARENTS:
         raise GenomeError(
             f"the genome has {len(names)} source cities",
-            f"at most {MOST_PARENTS}",
-            "choose parents that share more of their cities",
+            f"at most {MOST_PARENTS} source cities",
+            "choose parents with fewer different source cities",
         )
     number = {name: index for index, name in enumerate(names)}
     places = [np.array([number[city] for city in genome.cities], np.uint8) for genome in genomes]
@@ -199,13 +204,13 @@ def merged_cities(genomes: Iterable[Genome]) -> tuple[tuple[str, ...], list[np.n
 
 
 def descended(genomes: Sequence[Genome]) -> tuple[list[dict[str, np.ndarray]], dict]:
-    """Collect the fields that a child of all ``genomes`` inherits besides its lifs, for
+    """Collect what a child of all ``genomes`` inherits besides its lifs, as arguments of
     `Genome.replace`.
 
-    Returns, for each genome, its ``parent`` and ``other`` as indices into the child's cities.
-    Returns also the child's cities, attribution and sigma_max. The value ``settle`` is true if any
-    parent settles. The values ``origin`` and ``crs`` are those of the parents if all parents share
-    them.
+    The first result lists, for each genome, its fields ``parent`` and ``other`` as indices into the
+    child's cities. The second result maps the names of the child's other fields to their values.
+    The field ``settle`` is true if it is true for any of the genomes. The fields ``origin`` and
+    ``crs`` have values only if all genomes agree on them.
     """
     cities, numbers, attribution = merged_cities(genomes)
     places = {(genome.origin, genome.crs) for genome in genomes}
@@ -225,6 +230,6 @@ def descended(genomes: Sequence[Genome]) -> tuple[list[dict[str, np.ndarray]], d
 
 
 def joined(attributions: Iterable[str]) -> str:
-    """Join attributions. Each of their lines, separated by "; ", appears once."""
+    """Join attributions with "; "; a line that several attributions contain appears only once."""
     lines = (line for text in attributions for line in text.split("; ") if line)
     return "; ".join(dict.fromkeys(lines))

@@ -10,7 +10,7 @@ from evocity.citymap import MAX_SIDE
 
 @dataclass(frozen=True)
 class Nucleotide:
-    """Field of a lifs: its type, its unit, and its bounds in words."""
+    """A field of a lifs, with its type, its unit, and its bounds in words."""
 
     dtype: np.dtype
     unit: str
@@ -56,11 +56,11 @@ _ROW = MAX_SIDE + 1
 
 
 def packed(row: np.ndarray, column: np.ndarray) -> np.ndarray:
-    """Pack rows and columns in a source city, px, into int32 numbers for ``source`` of
-    `PROVENANCE`."""
+    """Pack the row and the column of pixels in a source city into int32 numbers, in the format
+    of the field ``source`` in `PROVENANCE`."""
     return (np.asarray(row, np.int64) * _ROW + column).astype(np.int32)
 
 
 def unpacked(source: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unpack numbers of ``source`` into rows and columns of pixels, int32."""
+    """Unpack the numbers of the field ``source`` into rows and columns of pixels, int32."""
     return np.divmod(source, np.int32(_ROW))

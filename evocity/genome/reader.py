@@ -17,14 +17,15 @@ from evocity.condensation import Condensation
 from evocity.errors import GenomeError, spell
 from evocity.genome.genome import Genome
 from evocity.genome.nucleotides import FIELDS, NEWER, packed
-from evocity.genome.writer import CONDENSED, LEAVES, SCHEMA_VERSIONS
+from evocity.genome.writer import CONDENSED, FORM_KEY, GENOME_KEY, LEAVES, SCHEMA_VERSIONS
 from evocity.pavement import Pavement
+from evocity.sealed_parquet import ChangedFileError, open_table
 
 # A PROJ string may name files, so only codes and WKT pass.
 _CODE_OR_WKT = re.compile(r"[A-Za-z]+:[\w.:]+\Z|[A-Z_]+\s*\[", re.ASCII)
 
 #: The exceptions that a damaged file, or one that is not a genome, can raise.
-_DAMAGE = (
+DAMAGE = (
     pa.ArrowException,
     OSError,
     LookupError,
@@ -33,6 +34,7 @@ _DAMAGE = (
     AttributeError,
     OverflowError,
     RecursionError,
+    MemoryError,
 )
 
 
@@ -40,40 +42,71 @@ def read_genome(path: str | os.PathLike) -> Genome:
     """Read a genome file written by `Genome.write`.
 
     Raises `GenomeError` if the file is missing, holds no genome, has another schema version, or
-    holds nucleotides out of bounds. Reading a file executes nothing in it.
+    holds nucleotides out of bounds. A file with a seal must have the bytes that evocity wrote.
+    Another process parses a file without a seal. Reading never executes code from the file.
     """
     path = Path(path)
     if not path.is_file():
         raise GenomeError(
-            f"no genome file at {path}",
+            f"there is no genome file at {path}",
             "a Parquet file written by `evocity encode`",
             "check the name, or make a genome: evocity encode MAP -o GENOME.parquet",
         )
     try:
-        with pq.ParquetFile(path) as file:
-            metadata = file.schema_arrow.metadata or {}
-            if b"evocity.genome" not in metadata:
-                raise _another_table(path, metadata)
-            about = dict(json.loads(metadata[b"evocity.genome"]))
-            version = about.pop("schema_version")
-            size, names = file.metadata, file.schema_arrow.names
-    except _DAMAGE:
-        raise GenomeError(
-            f"{path} is not a genome file, or is damaged",
-            "a Parquet file written by `evocity encode`",
-            "write the genome again: evocity encode MAP -o GENOME.parquet",
-        ) from None
+        file = open_chromosome(path)
+    except ChangedFileError as error:
+        raise changed_error(path, error) from None
+    except DAMAGE:
+        raise _not_genome(path) from None
+    with file:
+        return genome_in(file, path)
+
+
+def open_chromosome(path: str | os.PathLike) -> pq.ParquetFile:
+    """Open the file of a chromosome of any kind, see `evocity.sealed_parquet.open_table`. Raises
+    the errors `DAMAGE` for other files."""
+    return open_table(path, (GENOME_KEY, FORM_KEY), MAX_PIXELS)
+
+
+def changed_error(path: str | os.PathLike, error: ChangedFileError) -> GenomeError:
+    """Describe the ``error`` of a sealed file."""
+    return GenomeError(
+        f"{path} is damaged: {error}",
+        "the file as evocity wrote it",
+        "restore the file from a copy, or write it again",
+    )
+
+
+def _not_genome(path: Path) -> GenomeError:
+    return GenomeError(
+        f"{path} is not a genome file, or is damaged",
+        "a Parquet file written by `evocity encode`",
+        "write the genome again: evocity encode MAP -o GENOME.parquet",
+    )
+
+
+def genome_in(file: pq.ParquetFile, path: Path) -> Genome:
+    """Read the genome in an open ``file``, see `read_genome`."""
+    try:
+        metadata = file.schema_arrow.metadata or {}
+        if GENOME_KEY not in metadata:
+            raise _another_table(path, metadata)
+        about = dict(json.loads(metadata[GENOME_KEY]))
+        version = about.pop("schema_version")
+        size, names = file.metadata, file.schema_arrow.names
+    except DAMAGE:
+        raise _not_genome(path) from None
     if version not in SCHEMA_VERSIONS:
         raise GenomeError(
-            f"{path} has genome schema version {version}",
-            f"version {' or '.join(map(str, SCHEMA_VERSIONS))}",
-            "read it with the release of evocity that wrote it, or encode the map again",
+            f"{path} has genome schema version {spell(version)}",
+            f"the schema version {' or '.join(map(str, SCHEMA_VERSIONS))}",
+            "read the file with the release of evocity that wrote the file, or encode the map "
+            "again",
         )
     try:
         _check_size(size, about)
-        with pq.ParquetFile(path) as file:  # `pq.read_table` loads pandas where it is installed
-            columns = _columns(version, names)
-            table = file.read(columns=columns).select(columns)  # KeyError where one is missing
+        columns = _columns(version, names)
+        table = file.read(columns=columns).select(columns)  # KeyError where one is missing
         pavement = _pavement(about, table, size.num_rows)
         if about["sigma_max"] is None:
             about["sigma_max"] = float("inf")
@@ -90,10 +123,10 @@ def read_genome(path: str | os.PathLike) -> Genome:
         return Genome(pavement, **arrays, **about)
     except GenomeError as error:
         raise GenomeError(f"{path}: {error.found}", error.expected, error.remedy) from None
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise GenomeError(
-            f"{path} lacks a part of a genome, or a part does not fit ({str(error)[:200]})",
-            f"the columns {', '.join(FIELDS)} and their description",
+            f"{path} lacks data of a genome, or has damaged data ({str(error)[:200]})",
+            f"the columns {', '.join(FIELDS)}, and the metadata that describe these columns",
             "write the genome again: evocity encode MAP -o GENOME.parquet",
         ) from None
 
@@ -123,7 +156,7 @@ def _check_system(crs: str | None) -> None:
         CRS.from_user_input(crs if _CODE_OR_WKT.match(crs) else None)
     except (ProjError, TypeError):
         raise GenomeError(
-            f"crs = {spell(crs)}",
+            f"the reference system crs = {spell(crs)} is unknown",
             "a code that PROJ knows, for example EPSG:2154, or WKT",
             "encode the map again, or write the file with crs = null",
         ) from None
@@ -173,11 +206,8 @@ def _another_table(path: Path, metadata: Mapping[bytes, bytes]) -> GenomeError:
 
 def place_of(pavement: Pavement, source: np.ndarray, made: Mapping) -> np.ndarray:
     """Convert the numbers of lifs in versions before 3 to places: the inverse of
-    `evocity.genome.writer.lifs_at`.
-
-    A fabric grown by such a release numbers the lifs of its original, whose number of columns
-    follows from the numbers themselves.
-    """
+    `evocity.genome.writer.lifs_at`. A grown fabric numbers the lifs of its original, whose number
+    of columns follows from the numbers themselves."""
     columns = pavement.columns
     if made.get("operator") == "growth":
         row, column = made["corner"]

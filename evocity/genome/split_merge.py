@@ -1,9 +1,8 @@
 """Splits and merges of lifs that keep the decoded map, and genomes laid from pieces of others.
 
 A lifs, seen on a square part of its range block, is a lifs over the part of the domain block that
-the isometry brings there. So a range block can be split. Four range blocks that continue each
-other, in domain block and in provenance, can be merged. Either keeps the decoded map (ours; the
-papers leave partitions that follow the city open: Marsault 2002 §6.1, 2005 §4.1-4.2).
+the isometry brings there. So a range block can be split, and four that continue each other merged
+(ours; Marsault 2002 §6.1, 2005 §4.1-4.2 leave partitions that follow the city open).
 """
 
 from collections.abc import Sequence
@@ -11,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evocity.errors import GenomeError, spell
+from evocity.errors import GenomeError, check_number
 from evocity.genome._kernels import lay_pieces, merge_siblings, part_places
 from evocity.genome.genome import Genome, descended, sides_text
 from evocity.genome.nucleotides import DOMAIN, FIELDS, packed, unpacked
@@ -23,32 +22,31 @@ _CARRIED = tuple(name for name in FIELDS if name not in (*DOMAIN, "source"))
 
 
 def split(genome: Genome, side: int, where: np.ndarray | None = None) -> Genome:
-    """Split every range block above ``side`` px into four, and repeat down to that side. The
-    decoded map stays the same.
+    """Split every range block larger than ``side`` px into four, and repeat until no block is
+    larger. Splitting does not change the decoded map.
 
-    The domain block is split too. So its corner can lie farther from the range block's corner than
-    the ``reach`` of the search.
+    The domain block of a split range block is split, too. A part of a domain block may lie farther
+    from its range block than the ``reach`` of the search.
 
     Parameters
     ----------
     side : largest side that remains, px, 2 or more.
-    where : bool ``(H, W)``. Only range blocks that contain a true pixel are split; None splits all.
+    where : mask of pixels, bool ``(H, W)``; only range blocks that contain a true pixel are split.
+        If ``where`` is None, all larger range blocks are split.
 
     Raises
     ------
-    GenomeError : halving leads to an odd side or below 2 px, or ``where`` has another size than the
-        map.
+    GenomeError : halving gives an odd side or a side below 2 px, or the mask ``where`` differs from
+        the map in size.
     """
     p = genome.pavement
-    if not isinstance(side, int | np.integer) or isinstance(side, bool) or side < 2:
-        raise GenomeError(
-            f"side = {spell(side)}", "a side in px, 2 or more", "choose a side, for example 2"
-        )
+    expected, remedy = "a whole number of pixels, 2 or more", "choose a side, for example 2"
+    check_number("side", side, 2, np.inf, expected, GenomeError, remedy, whole=True)
     if where is not None and (np.shape(where) != (p.height, p.width)):
         raise GenomeError(
-            f"where has the shape {np.shape(where)}",
-            f"booleans of shape ({p.height}, {p.width}), one per pixel of the map",
-            "give a mask of the map's size, or leave where out",
+            f"the array in the parameter 'where' has the shape {np.shape(where)}",
+            f"an array of booleans of the shape ({p.height}, {p.width}), one per pixel of the map",
+            "give a mask of the map's size, or leave the parameter 'where' out",
         )
     top, left, sides = *p.corners, p.side
     where = where if where is None else np.asarray(where, bool)
@@ -60,8 +58,8 @@ def split(genome: Genome, side: int, where: np.ndarray | None = None) -> Genome:
         if (sides[wide] % 2).any() or (sides[wide] < 4).any():
             raise GenomeError(
                 f"range blocks of {int(sides[wide].max())} px cannot be split to {side} px",
-                f"range blocks whose sides give {side} px by halving",
-                "choose a side that the range blocks reach by halving",
+                f"range blocks whose sides give {side} px by repeated halving",
+                "choose a side that the range blocks reach by repeated halving",
             )
         half = sides[wide] // 2
         parts = [(top[~wide], left[~wide], sides[~wide])]
@@ -76,8 +74,8 @@ def split(genome: Genome, side: int, where: np.ndarray | None = None) -> Genome:
 
 
 def refined(genome: Genome, pavement: Pavement) -> Genome:
-    """Put the same code on a pavement with smaller range blocks. Raises `GenomeError` unless each
-    new range block lies in one range block of the genome."""
+    """Split a genome's range blocks into those of a finer pavement; the decoded map stays the same.
+    Raises `GenomeError` unless each new range block lies in one range block of the genome."""
     p = genome.pavement
     if pavement == p:
         return genome
@@ -89,21 +87,22 @@ def refined(genome: Genome, pavement: Pavement) -> Genome:
         fits = (np.maximum(down, along) + pavement.side <= p.side[lifs]).all()
     if not fits:
         raise GenomeError(
-            f"{pavement!r} does not fit a genome on {p!r}",
-            "range blocks that subdivide the genome's own range blocks",
+            f"{pavement!r} does not fit a genome with {p!r}",
+            "a pavement (tiling by range blocks) that subdivides the genome's range blocks",
             "make the pavement with evocity.pavement.common_refinement",
         )
     return genome.replace(pavement=pavement, **_part(genome, lifs, down, along, pavement.side))
 
 
 def merged(genome: Genome, most: int | None = None) -> Genome:
-    """Merge lifs as far as the decoded map stays the same.
+    """Merge four lifs into one wherever the decoded map stays the same.
 
-    Four range blocks become one of twice the side if their domain blocks also form one square.
-    Their places in the source city must form one square too. This repeats until nothing merges.
+    Four range blocks become one block of twice the side if their domain blocks form one square. The
+    places of the four range blocks in the source city must form one square. Merging repeats until
+    no four range blocks can merge.
 
-    most : largest side to merge to, px; None for the genome's largest side. A merged range block
-        lies at a multiple of its side, as in a quadtree.
+    most : largest side to merge to, px; None for the genome's largest side. The corner of a merged
+        range block lies at a multiple of the block's side, as in a quadtree.
     """
     p = genome.pavement
     most = p.coarsest if most is None else int(most)
@@ -132,12 +131,11 @@ def merged(genome: Genome, most: int | None = None) -> Genome:
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Contents of the cells of a grid. Each cell shows a cell of one of several genomes, under an
-    isometry.
+    """Grid of cells for a new genome; each cell copies a cell of a known genome by an isometry.
 
     cell : side of a cell, px.
-    whose : number of the genome that each cell shows, ``(R, C)``.
-    row, column : row and column of the shown cell in that genome, ``(R, C)``.
+    whose : number of the genome that each cell comes from, ``(R, C)``.
+    row, column : row and column of the shown cell in its genome, ``(R, C)``.
     iso : isometry of the shown cell, ``(R, C)``.
     """
 
@@ -149,8 +147,8 @@ class Pieces:
 
     @classmethod
     def in_place(cls, whose: np.ndarray, cell: int) -> "Pieces":
-        """Make pieces that show each cell at its own place; ``whose`` ``(R, C)`` is the genome of
-        each cell."""
+        """Make pieces that show each cell at its own place; ``whose`` ``(R, C)`` is the number of
+        the genome for each cell."""
         row, column = np.indices(np.shape(whose))
         return cls(cell, np.asarray(whose), row, column, np.zeros(np.shape(whose), np.uint8))
 
@@ -166,17 +164,17 @@ class Layout:
 
 
 def laid(genomes: Sequence[Genome], pieces: Pieces, *, carried: bool = False) -> Layout:
-    """Make a genome from ``pieces`` of ``genomes``. Its range blocks are the largest squares that
-    each show a part of one lifs. So a range block is split only where a border of pieces crosses
-    it.
+    """Make a genome from ``pieces`` of several ``genomes``. The range blocks of the new genome are
+    the largest squares that show a part of one lifs. A range block is therefore split only if it
+    lies across a border between pieces.
 
-    Domain blocks stay in place, and the isometry of the piece is combined with the isometry of the
-    lifs. If ``carried`` is true, a domain block instead keeps its place relative to its range block
-    and turns with it. A domain block that would leave the map moves inside.
+    By default, a domain block keeps its place on the map, and only the isometry of its lifs
+    changes. If ``carried`` is true, a domain block moves and turns together with its range block. A
+    domain block that would extend beyond the map is shifted inside.
 
-    The map has the size of the grid of pieces. The new genome has the place on Earth of the first
-    genome. It has the cities, attribution, bound on σ and ``settle`` of all. Raises `GenomeError`
-    if halving range blocks does not lead to a border of pieces.
+    The new map has the size of the grid of pieces; `descended` lists the other fields that the
+    genome inherits. Raises `GenomeError` if halving the range blocks cannot reach the borders
+    between pieces.
     """
     cell, (rows, columns) = pieces.cell, pieces.whose.shape
     height, width = rows * cell, columns * cell

@@ -7,14 +7,16 @@ from collections.abc import Mapping
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from evocity.columns import column_of
 from evocity.errors import GenomeError, reason_of
 from evocity.files import whole_file
 from evocity.genome.nucleotides import FIELDS, NEWER, unpacked
 from evocity.pavement import Pavement
+from evocity.sealed_parquet import write_table
 
+#: The keys of the metadata by which a file tells its kind: a fabric, or another form.
+GENOME_KEY, FORM_KEY = b"evocity.genome", b"evocity.form"
 #: The readable versions of the file's schema; a change that a reader must know of adds one. A
 #: genome is written in the oldest version that holds it. 2 adds a column `CONDENSED`; 3 adds
 #: columns `LEAVES` and `NEWER`, places for sources, and ``settle``.
@@ -32,20 +34,20 @@ def write_genome(genome, path: str | os.PathLike) -> None:
         name: column_of(column) if isinstance(column, np.ndarray) else column
         for name, column in columns.items()
     }
-    write_described(pa.table(arrays), "evocity.genome", about, path)
+    write_described(pa.table(arrays), GENOME_KEY.decode(), about, path)
 
 
 def write_described(table: pa.Table, key: str, about: Mapping, path: str | os.PathLike) -> None:
     """Write the ``table`` of a chromosome, with its description ``about`` as JSON under a ``key``
-    of the schema's metadata. Raises `GenomeError` if writing fails."""
+    of the schema's metadata. The file has a seal. Raises `GenomeError` if writing fails."""
     metadata = {key: json.dumps(about, default=str)}
     try:
         with whole_file(path) as temporary:
-            pq.write_table(table.replace_schema_metadata(metadata), temporary, compression="zstd")
+            write_table(table.replace_schema_metadata(metadata), temporary)
     except OSError as error:
         raise GenomeError(
             f"{path} cannot be written: {reason_of(error)}",
-            "a file name in a folder that exists, with room on the disk",
+            "a file name in an existing folder, on a disk with free space",
             "make the folder, or choose another place",
         ) from error
 

@@ -7,7 +7,7 @@ bare. Indices run through the cells of all originals, row by row, original after
 their heights, ``brought``. A *place* is a rectangle of cells, a *candidate* a rectangle of an
 original's cells of that size under an isometry: (original, isometry, row, column of its north-west
 cell). ``sides``, int64 ``(originals, 3)``, holds rows, columns and first cell of each original;
-``lays`` is `evocity.growth.plane.LAYS`.
+``lays`` is `evocity.isometries.AFFINE`.
 """
 
 import numpy as np
@@ -145,20 +145,16 @@ def edge_steps(stand, standing, brought, at, cell):
 def between(steps, standing, i, j, p, q, side):
     """Compute the step across the edge ``side`` of cell (i, j), which cell (p, q) shares: the mean
     of the known steps of both."""
-    other = side ^ 1
-    if standing[i, j] and standing[p, q]:
-        return (steps[i, j, side] + steps[p, q, other]) / 2
-    return steps[i, j, side] + steps[p, q, other]  # 0 for bare cells
+    total = steps[i, j, side] + steps[p, q, side ^ 1]  # 0 for bare cells
+    return total / 2 if standing[i, j] and standing[p, q] else total
 
 
 @kernel
 def least_cut(costs, rims, must, never, laid):
-    """Cut a place in cells that are laid and cells that stay, at the least cost.
-
-    costs[i, j, s] : of a cut along the south (s = 0) or east (s = 1) edge of cell (i, j).
-    rims[i, j] : of laying cell (i, j) next to cells outside the place.
-    must, never : cells that are laid, cells that stay, at any cost.
-    laid : becomes the cells to lay, as many as equal cost allows.
+    """Cut a place in cells that are laid and cells that stay, at the least cost: ``costs`` (i, j,
+    s) along the south (s = 0) or east (s = 1) edge of a cell, ``rims`` (i, j) next to cells
+    outside. Cells ``must`` be laid, or ``never``; ``laid`` gets those to lay, as many as equal cost
+    allows.
 
     The least cut is the largest flow from cells that stay to cells that are laid (Ford & Fulkerson
     1956), in whole units: a search finds shortest paths to all ends at once, and fills each.
@@ -264,9 +260,7 @@ def outline(stones, place, standing, never, steps, cell, laid):
 @kernel
 def window_keys(values, side):
     """Compute the key of every side × side window of float32 ``values``, 0 where a pixel is −1.
-
-    Equal windows have equal keys; unequal ones agree once in 2⁶⁴.
-    """
+    Equal windows have equal keys; unequal ones agree once in 2⁶⁴."""
     high, wide = values.shape
     rows, columns = high - side + 1, wide - side + 1
     keys = np.zeros((max(rows, 0), max(columns, 0)), np.uint64)
@@ -386,11 +380,9 @@ def is_among(some, key):
 @kernel
 def comes_twice(keys, anchors, found, exempt, side, top, left, apart, across, box):
     """Tell whether any of the windows ``found`` that touch ``box`` (top, left, bottom, right,
-    pixels) repeats, in the table or among themselves, and is not ``exempt``.
-
-    found : `window_keys` of that ``side`` from pixel (top, left) on, with the candidate laid.
-    exempt : sorted keys.
-    """
+    pixels) repeats, in the table or among themselves, and is not among the sorted keys ``exempt``.
+    ``found`` are `window_keys` of that ``side`` from pixel (top, left) on, with the candidate
+    laid."""
     count = np.count_nonzero(found[-top % apart :: apart, -left % apart :: apart])
     if count == 0:
         return False
@@ -445,33 +437,24 @@ def lay_groups(
     stones, original, brought, sides, lays, isos, cell, places, owners, draws, tolerance, kept,
     uses, surplus, common, allowed, coarse, fine, corner, steps, twice,
 ):  # fmt: skip
-    """Lay one group at each place (top, left, tall, wide, in cells), in this order.
+    """Lay one group at each place (top, left, tall, wide, in cells), in this order, from candidates
+    that ``draws`` (places, n) decode (`candidate`) in the original of ``owners`` (places,).
 
-    stones : int32 ``(rows, columns)``, changed in place.
     original : (top, left, bottom, right), cells that stay; they may lie outside.
-    isos : the isometries of groups.
-    owners : int64 ``(places,)``, the original of each group.
-    draws : int64 ``(places, n)``, 0 or more: the candidates, see `candidate`.
-    tolerance : S, metres.
     kept : candidates whose outlines are cut in one go, the best by their overlap first.
-    uses : int64, number of uses of each cell of the originals in the fabric; changed in place.
-    surplus : float64, excess of each cell's built share over its original's. Laying keeps the sum
-        over ``stones`` small.
+    uses, surplus : uses of each cell of the originals, and excess of its built share over its
+        original's. Laying keeps the sum of the surplus over ``stones`` small.
     common, allowed : sorted keys of the windows that the originals repeat, of side `ANCHORED` and
         of side `WINDOW`.
-    coarse : keys and anchors of the windows of side `ANCHORED`, at every `APART` pixels.
-    fine : the same of windows of side `WINDOW` that contain a common one, at every pixel. Both
-        tables change in place, and must have room.
-    corner : (row, column) of the north-west pixel of ``stones``, multiples of `APART`: anchors
-        count from there.
-    steps : becomes the mean step along each outline; NaN where nothing was bare.
-    twice : becomes whether each group repeats a window.
+    coarse, fine : keys and anchors of the windows of side `ANCHORED` at every `APART` pixels, and
+        of those of side `WINDOW` with a common one, at every pixel. They must have room.
+    corner : (row, column) of the north-west pixel of ``stones``, multiples of `APART`.
+    steps, twice : become the mean step along each outline, NaN where nothing was bare; and whether
+        the group repeats a window.
 
-    A window that is not common may not repeat; nor may a window of side `WINDOW` that contains a
-    common one, unless it is allowed. So only allowed windows repeat: of two equal windows, the
-    first contains a window of side `ANCHORED` at an anchor.
-
-    Returns the numbers of new entries of the tables.
+    Only allowed windows repeat: of two other equal windows, the first contains a window of side
+    `ANCHORED` at an anchor. ``stones``, ``uses`` and the tables change in place. Returns the
+    numbers of new entries of the tables.
     """
     grown, fine_grown = 0, 0
     owed = 0.0
@@ -591,10 +574,7 @@ def kinship(stones, place, chosen, sides, lays):
     top, left, tall, wide = place
     first, down, along = strides(chosen, tall, wide, 1, sides, lays)
     one, iso, row, column = chosen
-    if lays[iso, 2] == 0:
-        deep, broad = wide, tall
-    else:
-        deep, broad = tall, wide
+    deep, broad = (wide, tall) if lays[iso, 2] == 0 else (tall, wide)
     start, columns = sides[one, 2], sides[one, 1]
     end = start + sides[one, 0] * columns
     kin = 0

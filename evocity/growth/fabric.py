@@ -8,10 +8,10 @@ import numpy as np
 
 from evocity.citymap import MAX_PIXELS, MAX_SIDE, CityMap
 from evocity.condensation import Condensation
-from evocity.errors import GenomeError, OperatorError, keyword, setting
+from evocity.errors import GenomeError, OperatorError, is_whole, keyword, setting
 from evocity.genome import Genome, Pieces, laid, merged, merged_cities
 from evocity.growth._kernels import WINDOW, window_keys
-from evocity.growth.plane import Plane
+from evocity.growth.plane import Plane, paste
 from evocity.operators.repair import collage_repair
 
 #: The largest row or column of an endless fabric, pixels.
@@ -20,18 +20,19 @@ FARTHEST = 1 << 50
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """Endless fabric that `grow` grows from one or several original genomes.
+    """Endless city fabric that the function `grow` makes from one or several original genomes.
 
-    The seed and the place determine the content of every place. So you may compute windows in any
-    order and in any process. A cache keeps the last ones.
+    The seed and the position determine the content of every position in the fabric. You may
+    therefore compute windows in any order and in any process. A cache keeps the most recent tiles.
 
-    originals : genomes that the fabric grows from. The first original appears in the fabric; groups
-        come from all.
-    plane : content of every place.
-    shape : size ``(H, W)`` of the map to be written, px. This map is a rectangle of the fabric.
-    place : (row, column) of the first original's north-west pixel. All rows and columns count from
+    originals : genomes that the fabric grows from. The first original appears unchanged in the
+        fabric, and groups of cells come from all originals.
+    plane : object that computes the content of every position in an endless plane of cells.
+    shape : size ``(H, W)`` of the map to be written, px. The map to be written is a rectangle of
+        the fabric.
+    place : row and column of the first original's north-west pixel. All rows and columns count from
         the north-west pixel of the map to be written.
-    made : parameters of the growth.
+    made : parameters of the growth, as `Genome` records them.
     """
 
     originals: tuple[Genome, ...]
@@ -42,7 +43,7 @@ class Growth:
 
     @property
     def cell(self) -> int:
-        """Side of a cell, px. A cell is the square that groups consist of."""
+        """Side of a cell, px; groups consist of whole cells."""
         return self.plane.cell
 
     @property
@@ -67,20 +68,20 @@ class Growth:
 
     @property
     def origin(self) -> tuple[float, float] | None:
-        """Coordinates of the map's north-west corner. The first original keeps its place on
-        Earth."""
+        """Coordinates of the map's north-west corner; with these coordinates, the first original
+        keeps its place on Earth."""
         return self._origin_of(0, 0)
 
     def at(self, top: int, left: int, height: int, width: int) -> "Growth":
-        """Return the same fabric with another rectangle to be written. Rows and columns then count
-        from its north-west pixel (``top``, ``left``)."""
+        """Return the same fabric for another rectangle to be written. Rows and columns of the new
+        object count from the pixel (``top``, ``left``)."""
         top, left, height, width = _rectangle(top, left, height, width, whole=True)
         place = self.place[0] - top, self.place[1] - left
         return dataclasses.replace(self, shape=(height, width), place=place)
 
     def window(self, top: int, left: int, height: int, width: int) -> np.ndarray:
-        """Compute heights from the pixel (``top``, ``left``) on, float32 ``(height, width)``,
-        metres. Rows and columns may be negative."""
+        """Compute the heights of a rectangle, float32 ``(height, width)``, metres. The rectangle
+        begins at the pixel (``top``, ``left``); row and column may be negative."""
         top, left, height, width = _rectangle(top, left, height, width)
         return self.plane.window(top - self.place[0], left - self.place[1], height, width)
 
@@ -88,7 +89,7 @@ class Growth:
         self, top: int = 0, left: int = 0, height: int | None = None, width: int | None = None
     ) -> CityMap:
         """Make a map of a rectangle, by default of the whole map to be written. The map takes four
-        bytes per pixel, and each view takes as much again."""
+        bytes per pixel, and each computed view takes another four bytes per pixel."""
         top, left, height, width = self._rectangle(top, left, height, width, whole=True)
         return CityMap(
             self.window(top, left, height, width),
@@ -102,8 +103,9 @@ class Growth:
     def sources(
         self, top: int = 0, left: int = 0, height: int | None = None, width: int | None = None
     ) -> dict[str, np.ndarray]:
-        """List the source of each cell of a rectangle: the number of its original, the cell's row
-        and column there, and the isometry. Each is int64 ``(rows, columns)``.
+        """Find the source of each cell of a rectangle: four int64 arrays ``(rows, columns)``. The
+        arrays hold the number of the original, the row and the column of the cell in the original,
+        and the isometry.
 
         Raises `OperatorError` if the borders of the rectangle cut cells.
         """
@@ -124,13 +126,14 @@ class Growth:
         *,
         progress: Callable[[int, int], None] | None = None,
     ) -> dict:
-        """Report the quality of the growth, over the tiles that a rectangle touches.
+        """Report the quality of the growth in all tiles that a rectangle touches.
 
-        The report has these entries. The entry ``groups`` is the number of groups. The entry
-        ``step`` is the mean step along their outlines, metres. The entry ``forced`` counts groups
-        without an admissible candidate; the candidate with the least step was used. The entry
-        ``repeated`` counts groups that repeat a known window of 64 px, because every candidate did.
-        The function ``progress`` is called with (done, total) tiles.
+        The entry ``groups`` of the result is the number of groups. The entry ``step`` is the mean
+        difference of heights along the outlines of all groups, metres. The entry ``forced`` counts
+        groups without an admissible candidate; each of these groups took the candidate with the
+        least difference. The entry ``repeated`` counts groups for which every candidate repeated a
+        known window of 64 × 64 px. The function ``progress`` is called with two numbers: tiles
+        done, and all tiles.
         """
         top, left, height, width = self._rectangle(top, left, height, width)
         top, left = top - self.place[0], left - self.place[1]
@@ -140,9 +143,9 @@ class Growth:
     def repeats(
         self, top: int = 0, left: int = 0, height: int | None = None, width: int | None = None
     ) -> int:
-        """Count the windows of 64 × 64 px that appear more than once in a rectangle, each window
-        once. Windows that the originals repeat do not count. The count takes some 24 bytes per
-        pixel."""
+        """Count the different windows of 64 × 64 px that appear more than once in a rectangle.
+        Windows that repeat within the originals do not count. The count takes about 24 bytes of
+        memory per pixel."""
         top, left, height, width = self._rectangle(top, left, height, width)
         keys = window_keys(self.window(top, left, height, width), WINDOW).ravel()
         keys.sort()
@@ -160,20 +163,21 @@ class Growth:
         reach: int | None = 24,
         domains: Sequence[int] = (2,),
     ) -> Genome:
-        """Make a genome of a rectangle. Each lifs keeps its place in its group, and its domain
-        block.
+        """Make a genome of a rectangle of the fabric. Each lifs keeps its place in its group of
+        cells.
 
-        A domain block keeps its place relative to its range block, and turns with the group. If a
-        border of the group or of the rectangle cuts the domain block, it covers other fabric, and
-        the range block crumbles. Collage repair therefore matches some range blocks again: those
-        that differ from `window` by more than ``repair`` metres (root mean square) after decoding.
-        It searches domain blocks within ``reach``, as for every operator. None skips the repair.
+        A domain block moves and turns together with its range block. Near the border of a group or
+        of the rectangle, a domain block may cover fabric that differs from the original. Collage
+        repair gives damaged range blocks new domain blocks within ``reach``, as for every operator.
+        A range block is damaged if its decoded heights differ from `window` by more than ``repair``
+        metres (root mean square). If ``repair`` is None, collage repair is skipped.
 
-        The lifs keep the ``parent`` and ``source`` of the originals' lifs. The first original keeps
-        its condensation. Decoding and searching the rectangle take some 170 bytes per pixel.
+        The lifs keep the fields ``parent`` and ``source`` of the originals. The genome has the
+        condensation of the first original. Decoding and repair take about 170 bytes of memory per
+        pixel.
 
-        Raises `OperatorError` if the borders of the rectangle cut cells, or if halving the
-        originals' range blocks does not lead to the cells.
+        Raises `OperatorError` if the rectangle cuts cells, or if halving the originals' range
+        blocks never gives a cell.
         """
         rectangle = self._rectangle(top, left, height, width, whole=True)
         made = {**self.made, **self.account(*rectangle)}
@@ -208,8 +212,9 @@ class Growth:
             raise OperatorError(
                 f"growth: a rectangle of {height} × {width} px at row {top}, column {left} "
                 "does not consist of whole cells",
-                f"sides that are multiples of {cell} px, row {rows}, column {columns}",
-                "choose these sides, row and column",
+                f"height and width in multiples of {cell} px, the row {rows} and the column "
+                f"{columns}, with any whole number n",
+                "choose a rectangle of whole cells",
             )
         top, left = (top - y) // cell, (left - x) // cell
         return top, left, top + height // cell, left + width // cell
@@ -234,11 +239,7 @@ class Growth:
         if (y, x, height, width) == (0, 0, *layer.shape):
             return layer
         raster = np.full((height, width), np.nan, np.float32)
-        within = raster[
-            max(y, 0) : max(y + layer.shape[0], 0), max(x, 0) : max(x + layer.shape[1], 0)
-        ]
-        v, u = max(-y, 0), max(-x, 0)
-        within[:] = layer.raster[v : v + within.shape[0], u : u + within.shape[1]]
+        paste(raster, layer.raster, y, x)
         return None if np.isnan(raster).all() else Condensation.from_raster(raster)
 
 
@@ -253,16 +254,16 @@ def _rectangle(top, left, height, width, whole=False) -> tuple[int, int, int, in
             faults[setting(name, side)] = f"{name} {int(whole)} to {MAX_SIDE}"
     if faults:
         raise OperatorError(
-            f"growth: {', '.join(faults)}",
-            f"pixels: {', '.join(faults.values())}",
-            "choose another rectangle; rectangles that meet fit each other",
+            f"growth: {', '.join(faults)} is out of range",
+            f"pixels within the limits: {', '.join(faults.values())}",
+            "choose a rectangle within these limits; neighbouring rectangles fit together",
         )
     if height * width > MAX_PIXELS:
         raise OperatorError(
             f"growth: {setting('height', height)}, {setting('width', width)}: "
             f"{height * width / 1e6:.0f} million px are too many",
-            f"at most {MAX_PIXELS // 10**6} million px, about 11 500 × 11 500",
-            "choose several rectangles that meet: they fit each other",
+            f"at most {MAX_PIXELS // 10**6} million px, for example 11 500 × 11 500 px",
+            "write several smaller rectangles; neighbouring rectangles fit together",
         )
     return int(top), int(left), int(height), int(width)
 
@@ -275,13 +276,9 @@ def lay_lifs(
     column: np.ndarray,
     iso: np.ndarray,
 ) -> Genome:
-    """Lay a genome from the parents' lifs, cell by cell of ``cell`` px.
-
-    which, row, column, iso : int ``(rows, columns)`` each: the parent at each cell, the cell of
-        that parent, the isometry. Parents have one pixel size.
-
-    A domain block keeps its place relative to its range block and turns with it; one that would
-    leave the map moves inside. Leaves split where a group's border crosses them.
+    """Lay a genome from the parents' lifs, cell by cell of ``cell`` px, see `laid` with
+    ``carried``: int ``(rows, columns)`` are the parent at each cell, the cell of that parent, the
+    isometry.
 
     Raises `OperatorError` for range blocks that do not halve to the cells, and for a map smaller
     than a domain block.
@@ -299,12 +296,8 @@ def lay_lifs(
     except GenomeError as error:
         sides = " and ".join(str(p.pavement.finest) for p in parents)
         raise OperatorError(
-            f"growth: {error.found}, in cells of {cell} px",
-            "range blocks whose sides are halves of each other, in cells of whole range blocks",
-            f"grow with {keyword('cell')} a multiple of {sides} px, or encode the maps again",
+            f"growth in cells of {cell} px: {error.found}",
+            "range blocks that give whole cells by repeated halving",
+            f"set {keyword('cell')} to a multiple of {sides} px, or encode the maps again",
         ) from None
     return merged(child, max(parent.pavement.coarsest for parent in parents))
-
-
-def is_whole(value) -> bool:
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)

@@ -1,10 +1,8 @@
 """Lattice of tiles on an endless plane: places of groups, and what each tile depends on.
 
-An endless plane has no order of laying that is the same from every start. So lines cut the plane
-into *tiles*, and growth has three phases, each with a bounded neighbourhood. First it lays a group
-on every crossing of two lines; then along each line a *strip* of groups between crossings; then
-the inside of each tile, between its four strips. Groups stand astride the lines, so no seam
-follows them.
+Lines cut the plane into *tiles*, so that growth does not depend on a start. It first lays a group
+on every crossing of two lines; then along each line a *strip* of groups between crossings; then the
+inside of each tile. Groups stand astride the lines, so no seam follows them.
 """
 
 import itertools
@@ -32,11 +30,8 @@ class Lattice:
     """The lines of an endless plane, in cells; the original's north-west cell is (0, 0).
 
     Lines follow the original's borders, and cross a large original. So regions beside it lap over
-    it by half a strip.
-
-    rows, columns : of the original.
-    tile : side of the tiles, cells.
-    size_min, size_max : sides of the groups, rims included, cells.
+    it by half a strip. ``rows`` and ``columns`` are the original's; ``tile`` is the side of tiles;
+    ``size_min`` and ``size_max`` are those of groups with their rims.
     """
 
     rows: int

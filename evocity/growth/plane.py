@@ -23,30 +23,11 @@ _REGIONS = 1 << 14
 _BASE, _FAR = 1 << 28, 1 << 27
 
 
-def _lays() -> np.ndarray:
-    table = np.empty((isometries.COUNT, 6), np.int64)
-    for row, sources in zip(table, isometries.sources(2), strict=True):
-        corner, east, south, _ = (np.array(divmod(int(flat), 2)) for flat in sources)
-        row[:] = [*corner, *(south - corner), *(east - corner)]
-    table.setflags(write=False)
-    return table
-
-
-#: Walks of the isometries through a rectangle, int64 ``(8, 6)``: the first (0) or last (1) row and
-#: column of the source that the target's north-west pixel comes from; then the moves (rows,
-#: columns) in the source for a step south in the target, and for a step east.
-LAYS = _lays()
-
-
 @dataclass(frozen=True)
 class Region:
-    """A laid crossing, strip or tile.
-
-    corner : (row, column) of its north-west cell.
-    stones : int32, the original's cell at each of its cells, see `evocity.growth._kernels`.
-    steps : float64, mean step along the outline of each group, metres.
-    repeated : number of groups that repeat a window.
-    """
+    """A laid crossing, strip or tile, with its north-west cell at ``corner``: the original's cell
+    at each cell (``stones``, int32, see `evocity.growth._kernels`), the mean step along the outline
+    of each group (``steps``, metres), and the number of groups that repeat a window."""
 
     corner: tuple[int, int]
     stones: np.ndarray
@@ -55,18 +36,11 @@ class Region:
 
 
 class Plane:
-    """An endless fabric, a function of seed and place.
+    """An endless fabric, a function of seed and place, from maps of the originals with sides of
+    whole cells; the first stands at (0, 0). ``shares`` are those of the originals at each place;
+    the rest is as in `grow`.
 
-    Parameters
-    ----------
-    heights : float32 maps of the originals, sides whole cells; the first stands at (0, 0).
-    cell : side of a cell, px.
-    lattice : the tiles, for the first original.
-    shares : the shares of the originals at each place.
-    seed : the seed of all draws.
-    tolerance, candidates, turned : as in `grow`.
-
-    Attributes: ``brought`` and ``sides``, the originals' heights and sizes, for kernels.
+    For kernels, ``brought`` and ``sides`` are the originals' heights and sizes.
     """
 
     def __init__(
@@ -92,7 +66,7 @@ class Plane:
         self._fixed = {  # arguments of `lay_groups` that no region changes
             "brought": self.brought,
             "sides": self.sides,
-            "lays": LAYS,
+            "lays": isometries.AFFINE,
             "isos": isos,
             "cell": cell,
             "tolerance": tolerance,
@@ -110,14 +84,15 @@ class Plane:
         stones = self.stones(first, west, -(-(top + height) // cell), -(-(left + width) // cell))
         out = np.empty((height, width), np.float32)
         at = top - first * cell, left - west * cell
-        fabric_window(stones, self.brought, self.sides, LAYS, cell, *at, out)
+        fabric_window(stones, self.brought, self.sides, isometries.AFFINE, cell, *at, out)
         return out
 
     def stones(self, top: int, left: int, bottom: int, right: int) -> np.ndarray:
         """Compute the int32 stones of a rectangle of cells."""
         out = np.empty((bottom - top, right - left), np.int32)
         for i, j in self.tiles(top, left, bottom, right):
-            self._paste(out, (top, left), self.region(INSIDE, i, j))
+            region = self.region(INSIDE, i, j)
+            paste(out, region.stones, region.corner[0] - top, region.corner[1] - left)
         return out
 
     def tiles(self, top: int, left: int, bottom: int, right: int) -> list[tuple[int, int]]:
@@ -175,9 +150,12 @@ class Plane:
         known = stones[context[0] - corner[0] :, context[1] - corner[1] :]
         rows, columns, _ = self.sides[0]
         original = 8 * np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
-        self._paste(known, context[:2], Region((0, 0), original, np.empty(0), 0))
+        paste(known, original, -context[0], -context[1])
         for key in self.lattice.prerequisites(kind, i, j):
-            self._paste(known, context[:2], self.region(*key))
+            region = self.region(*key)
+            paste(
+                known, region.stones, region.corner[0] - context[0], region.corner[1] - context[1]
+            )
         top, left, bottom, right = self.lattice.extent(kind, i, j)
         if kind == INSIDE:  # the whole tile, with the halves of its strips
             top, bottom = (self.lattice.line(0, k) for k in (i, i + 1))
@@ -227,14 +205,13 @@ class Plane:
             table.filled = [old + new for old, new in zip(table.filled, grown, strict=True)]
         return steps[np.isfinite(steps)], int(twice.sum())
 
-    @staticmethod
-    def _paste(out: np.ndarray, corner: tuple[int, int], region: Region) -> None:
-        """Copy the overlap of a region into ``out``, which begins at cell ``corner``."""
-        top, left = (there - here for there, here in zip(region.corner, corner, strict=True))
-        bottom, right = top + region.stones.shape[0], left + region.stones.shape[1]
-        within = out[max(top, 0) : max(bottom, 0), max(left, 0) : max(right, 0)]
-        y, x = max(-top, 0), max(-left, 0)
-        within[:] = region.stones[y : y + within.shape[0], x : x + within.shape[1]]
+
+def paste(out: np.ndarray, piece: np.ndarray, top: int, left: int) -> None:
+    """Copy ``piece`` into ``out`` at (top, left), as far as ``out`` reaches."""
+    bottom, right = top + piece.shape[0], left + piece.shape[1]
+    within = out[max(top, 0) : max(bottom, 0), max(left, 0) : max(right, 0)]
+    y, x = max(-top, 0), max(-left, 0)
+    within[:] = piece[y : y + within.shape[0], x : x + within.shape[1]]
 
 
 def _surplus(heights: np.ndarray, cell: int) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Hash tables of the windows of a fabric, which keep it from repeating itself."""
 
+import copy
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -22,17 +23,10 @@ _TOUCHED = (ANCHORED + 2 * WINDOW) ** 2
 
 
 class Windows:
-    """The windows of the originals: those that stand in the fabric, and those they repeat.
-
-    Parameters
-    ----------
-    heights : float32 ``(H, W)``, the originals'; the first stands in the fabric.
-    isos : the isometries of growth.
-    at : coordinate of its north-west pixel, row and column, a multiple of `APART`.
-
-    Attributes: ``common`` and ``allowed``, sorted keys of the windows of either side that the
-    originals repeat.
-    """
+    """The windows of the originals, under the isometries ``isos``: those that stand in the fabric,
+    where the first original lies at (``at``, ``at``), multiples of `APART`; and the sorted keys of
+    those that the originals repeat, ``common`` (of side `ANCHORED`) and ``allowed`` (of side
+    `WINDOW`)."""
 
     def __init__(self, heights: Sequence[np.ndarray], isos: Iterable[int], at: int):
         images = [
@@ -50,7 +44,7 @@ class Windows:
 
     def table(self) -> "Table":
         """Return a table with the windows of the first original."""
-        return self._standing.copy()
+        return copy.deepcopy(self._standing)
 
 
 class Table:
@@ -67,14 +61,6 @@ class Table:
         self.coarse, self.fine = (
             (np.zeros(1 << 10, np.uint64), np.full(1 << 10, FREE, np.int64)) for _ in range(2)
         )
-
-    def copy(self) -> "Table":
-        other = Table(self.some_repeat)
-        other.filled = list(self.filled)
-        other.coarse, other.fine = (
-            tuple(part.copy() for part in table) for table in (self.coarse, self.fine)
-        )
-        return other
 
     def make_room(self, groups: int) -> None:
         """Enlarge the tables for as many more ``groups``."""
@@ -94,10 +80,7 @@ class Table:
         if size > keys.size:
             keys, anchors, filled = rehashed(keys, anchors, size)
         self.filled[which] = filled
-        if which:
-            self.fine = keys, anchors
-        else:
-            self.coarse = keys, anchors
+        setattr(self, ("coarse", "fine")[which], (keys, anchors))
 
 
 def _repeated_keys(images: list[list[np.ndarray]], side: int) -> np.ndarray:

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from evocity.coding.decode import decode
-from evocity.errors import OperatorError, setting
+from evocity.errors import OperatorError, check_number, is_number, is_whole, setting
 from evocity.genome import Genome
-from evocity.growth.fabric import FARTHEST, Growth, is_whole
+from evocity.growth.fabric import FARTHEST, Growth
 from evocity.growth.lattice import (
     LEAST_LARGEST,
     MAX_CELL,
@@ -44,56 +44,65 @@ def grow(
     size_min: int | None = None,
     size_max: int | None = None,
 ) -> Growth:
-    """Grow an endless fabric around a genome's map, from groups of its own cells.
+    """Grow an endless city fabric around the map of a genome, from groups of the map's own cells.
 
-    The original stays, and the fabric grows around it on request (Marsault 2005 §4.2). A group is a
-    rectangle of cells of the original's decoded map, under one of the 8 isometries. Its rim
-    overlaps its surroundings. Some candidates for each group are drawn, and those that differ least
-    from their surroundings are kept. The overlap is then cut along the least step, which mostly
-    follows streets (a least cut of the cells: Kwatra et al. 2003, Graphcut textures).
+    The original map stays unchanged, and the fabric around it is computed on demand (Marsault 2005
+    §4.2). A group is a rectangle of cells of the original's decoded map, under one of the 8
+    isometries. The rim of a group overlaps the surroundings of the group. Candidates for each group
+    are drawn at random, and the candidates that differ least from the surroundings are kept. The
+    overlap is cut along the line of least difference; this line mostly follows streets (Kwatra and
+    others 2003, Graphcut textures).
 
-    A candidate is admissible if it differs from its surroundings by at most ``tolerance`` metres on
-    average along its outline, as in `PavementFusion`. Among admissible candidates, a small step and
-    rarely used cells win, so that all of the original takes part. A candidate that continues the
-    source of a neighbour comes after all others. No candidate repeats a window of 64 × 64 px within
-    its tile, unless the original repeats it too.
+    A candidate is admissible if the mean difference of heights along its outline is at most
+    ``tolerance``, as in `PavementFusion`. Among admissible candidates, small differences and rarely
+    used cells win, so that the whole original takes part. A candidate that continues the copied
+    pixels of a neighbouring group is only the last choice. No candidate repeats a window of 64 × 64
+    px within its tile, unless the original repeats the window, too.
 
-    The first number of the generator and the place determine the content of every place. Tiles of
-    some 128 px grow in phases, and each depends only on its neighbourhood
-    (`evocity.growth.lattice`). The arguments ``height``, ``width`` and ``corner`` select the
-    rectangle to be written, and do not change the fabric.
+    The first number of the generator is the seed; seed and position determine the content of the
+    fabric. The fabric grows in tiles of about 128 px, and each tile depends only on its
+    neighbourhood (`evocity.growth.lattice`). The arguments ``height``, ``width`` and ``corner``
+    select the rectangle to be written, and do not change the fabric.
 
     Parameters
     ----------
-    genome : original, or several originals of one pixel size, with 6 × 6 cells or more each. The
-        first appears in the fabric; groups come from all, by their ``share``.
-    height, width : size of the rectangle to be written, px. None for the size of the first
+    genome : original genome, or several of equal pixel size, each with 6 × 6 cells or more. The
+        first original appears in the fabric. Groups come from all originals; the parameter
+        ``share`` sets their proportions.
+    height, width : size of the rectangle to be written, px; None means the size of the first
         original.
     rng : generator whose first number becomes the seed of all random draws.
-    corner : (row, column), in cells, of the first original's north-west cell in that rectangle.
-        None for the middle, or the middle of the west edge if there are several originals.
-    share : shares of the originals. None makes a ramp across the rectangle, from the first original
-        in the west to the last in the east. A number 0 to 1 is the constant share of the second of
-        two originals. A sequence has a number for each original. An array ``(h, w)`` covers the
-        rectangle, and its edges continue beyond; there may be an array for each original. A pure
-        function gives the share from the pixel's (row, column).
-    share_over : (top, left, height, width) of the rectangle under the ramp or the array, px. Rows
-        and columns count from the rectangle to be written. None for the rectangle to be written.
-    cell : side of the squares that groups consist of, px, 2 to 11. It must divide the originals'
-        sides. None chooses about 8 m, and a multiple of uniform range blocks if possible.
-    side_min, side_max : smallest and largest side of the groups with their rims, metres, rounded to
-        cells. The smallest side is 3 cells or more, the largest 5 cells or more. Both are at most
-        56 px, and less than the originals' sides. None chooses the largest side that leaves a
-        choice, and half of it.
-    tolerance : largest mean difference S along the outline of a group, metres.
+    corner : row and column of the first original in the rectangle to be written, counted in cells.
+        If ``corner`` is None, a single original lies in the middle, and the first of several
+        originals lies at the west edge.
+    share : share of each original in the fabric. If ``share`` is None, the shares form a ramp from
+        the first original in the west to the last original in the east. If ``share`` is a number
+        from 0 to 1, it is the constant share of the second of two originals. If ``share`` is a
+        sequence, it has one constant for each original. If ``share`` is an array ``(h, w)``, or one
+        array for each original, it covers the rectangle ``share_over``; its edge values continue
+        outside. If ``share`` is a function, it gives the share for the row and the column of a
+        pixel.
+    share_over : rectangle (top, left, height, width) that a ramp or an array covers, px. The rows
+        and columns of ``share_over`` count from the rectangle to be written. If ``share_over`` is
+        None, a ramp or an array covers the rectangle to be written.
+    cell : side of the square cells, px, 2 to 11; it must divide the sides of the originals. If
+        ``cell`` is None, a cell has a side of about 8 m, if possible a multiple of the range
+        blocks' side.
+    side_min, side_max : smallest and largest side of the groups, rims included, metres, rounded to
+        cells. The smallest side must be 3 cells or more, and the largest side 5 cells or more. Each
+        side of a group must be at most 56 px, and less than the sides of the originals. By default,
+        the largest side is half the originals' shortest side, and the smallest side is half the
+        largest side.
+    tolerance : largest mean difference of heights along the outline of a group, metres.
     candidates : number of candidates for each group, 1 or more.
-    turned : whether groups turn and mirror. Without turning, streets keep their directions.
-    size_min, size_max : deprecated; ``side_min`` and ``side_max`` in range blocks, for uniform
-        pavements.
+    turned : whether groups may be rotated and mirrored; if false, streets keep their directions.
+    size_min, size_max : deprecated forms of ``side_min`` and ``side_max`` in range blocks, for
+        uniform pavements.
 
     Raises
     ------
-    OperatorError : a parameter is out of its range; GenomeError : the code diverges.
+    OperatorError : a parameter is out of its range.
+    GenomeError : the decoding of an original diverges.
     """
     originals = _originals(genome)
     _check_call(rng, tolerance, candidates)
@@ -136,15 +145,15 @@ def _originals(genome) -> tuple[Genome, ...]:
     if wrong:
         raise OperatorError(
             f"growth: a {type(wrong[0]).__name__} cannot grow",
-            "a Genome, or several",
+            "a Genome, or a sequence of genomes",
             "encode a map first: evocity.encode(city).genome",
         )
     pixels = sorted({genome.metres_per_pixel for genome in several})
     if len(pixels) > 1:
         raise OperatorError(
-            "growth: genomes have different pixels, "
+            "growth: the genomes have pixels of different sides, "
             f"{' and '.join(f'{side:g}' for side in pixels)} m",
-            "genomes with the same size of pixels",
+            "genomes with pixels of the same side",
             "read the maps again with the same metres_per_pixel",
         )
     return tuple(several)
@@ -154,16 +163,13 @@ def _check_call(rng, tolerance, candidates) -> None:
     check_generator("growth", rng)
     if not (isinstance(tolerance, int | float) and tolerance >= 0):  # NaN fails too
         raise OperatorError(
-            f"growth: {setting('tolerance', tolerance)}",
-            "0 m or more",
+            f"growth: {setting('tolerance', tolerance)} is out of range",
+            "a tolerance of 0 m or more",
             "leave tolerance out to use 6 m",
         )
-    if not is_whole(candidates) or not 1 <= candidates <= 1 << 20:
-        raise OperatorError(
-            f"growth: {setting('candidates', candidates)}",
-            "a whole number, 1 to 1048576",
-            "leave candidates out to use 600",
-        )
+    expected = "a whole number of candidates, from 1 to 1048576"
+    remedy = "leave candidates out to use 600 candidates"
+    check_number("candidates", candidates, 1, 1 << 20, expected, OperatorError, remedy, whole=True)
 
 
 def _cell(originals: Sequence[Genome], cell) -> int:
@@ -212,14 +218,14 @@ def _sides(originals, cell: int, parameters: dict) -> tuple[int, int]:
         side, size = parameters[f"side_{name}"], parameters[f"size_{name}"]
         if side is not None and size is not None:
             raise OperatorError(
-                f"growth: {setting(f'side_{name}', side)} and {setting(f'size_{name}', size)}",
-                "only one of the two; they are the same bound, in metres and in range blocks",
+                f"growth: {setting(f'side_{name}', side)} is given together with "
+                f"{setting(f'size_{name}', size)}",
+                "only one of the two bounds, either in metres or in range blocks",
                 f"leave size_{name} out",
             )
         if side is not None:
             given[f"side_{name}"] = side
-            real = isinstance(side, int | float) and not isinstance(side, bool)
-            bounds[name] = round(side * metre) if real and math.isfinite(side) else -1
+            bounds[name] = round(side * metre) if is_number(side) and math.isfinite(side) else -1
         elif size is not None:
             given[f"size_{name}"] = size
             bounds[name] = _in_cells(originals, f"size_{name}", size, cell)
@@ -244,8 +250,8 @@ def _in_cells(originals, name: str, size, cell: int) -> int:
     if blocks or block is None:
         raise OperatorError(
             f"growth: {setting(name, size)} does not apply to range blocks of several sides",
-            f"{name.replace('size', 'side')}, in metres",
-            f"leave {name} out",
+            f"the parameter {name.replace('size', 'side')} with a bound in metres",
+            f"replace {name} by {name.replace('size', 'side')}",
         )
     if not is_whole(size):
         return -1
@@ -263,9 +269,10 @@ def _over(over, shape, place) -> tuple[tuple[int, int], tuple[int, int]]:
         or min(over[2:]) < 1
     ):
         raise OperatorError(
-            f"growth: {setting('share_over', over)}",
-            "(top, left, height, width) in pixels, whole numbers, height and width 1 or more",
-            "leave share_over out to use the map that is written",
+            f"growth: {setting('share_over', over)} is not a rectangle",
+            "whole numbers of pixels (top, left, height, width), with height and width of 1 or "
+            "more",
+            "leave share_over out to spread the share over the whole written map",
         )
     return tuple(over[2:]), (place[0] - over[0], place[1] - over[1])
 
@@ -285,8 +292,8 @@ def _place(p, shape, corner, cell: int, count: int) -> tuple[int, int]:
         or not all(is_whole(at) and abs(at) < 1 << 40 for at in corner)
     ):
         raise OperatorError(
-            f"growth: {setting('corner', corner)}",
-            f"(row, column) in cells of {cell} px, whole numbers",
+            f"growth: {setting('corner', corner)} is not a cell",
+            f"two whole numbers (row, column), counted in cells of {cell} px",
             "leave corner out to start in the middle",
         )
     return int(corner[0]) * cell, int(corner[1]) * cell

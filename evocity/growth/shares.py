@@ -12,18 +12,9 @@ Share = float | Sequence[float] | np.ndarray | Callable[[float, float], float | 
 
 @dataclass(frozen=True, eq=False)
 class Shares:
-    """The shares of ``count`` originals at each pixel.
-
-    share : None for a ramp from west to east, from the first original to the last. A number, the
-        share of the second of two, or a number for each original. An array ``(h, w)`` of the
-        second's or ``(count, h, w)`` of all, laid over the rectangle, whose edges continue beyond
-        it. Or a function of (row, column) that returns such numbers. Only the ratio of several
-        numbers counts.
-    shape : (height, width) of the rectangle under the ramp or the array, px.
-    corner : (row, column) of the first original's north-west pixel in that rectangle.
-
-    Raises `OperatorError` for an illegal share.
-    """
+    """The shares of ``count`` originals at each pixel: a ``share`` as in `grow`, over a rectangle
+    of ``shape`` (height, width) px, with the first original's north-west pixel at its ``corner``.
+    Only the ratio of several numbers counts. Raises `OperatorError` for an illegal share."""
 
     count: int
     share: Share | None
@@ -98,9 +89,9 @@ class Shares:
 
     def _fault(self, found: str) -> OperatorError:
         several = f"{self.count} numbers of 0 or more, at least one above 0"
-        single = "a number from 0 to 1, the share of the second, or " if self.count == 2 else ""
+        single = "a number from 0 to 1 for the second original, or " if self.count == 2 else ""
         return OperatorError(
-            f"growth: {text_setting('share', found)}",
+            f"growth: {text_setting('share', found)} is not a share of the originals",
             f"{single}{several}; or an array of such numbers, or a function of row and column",
-            "give another share, or leave it out for a ramp from west to east",
+            "give another share, or leave share out to use a ramp from west to east",
         )

@@ -11,9 +11,10 @@
 - `condensation_masks`: pixels that decoding keeps, from masks and footprints
 - `lines`: lines in GeoJSON, and condensations along them
 - `bundled_cities`: the districts that come with evocity
-- `writers`: `write_map`, `write_field`, `write_shares`, `write_leaves`, `write_windows`, and the
-  tables of writers; `raster_bands`: maps written a band at a time
+- `writers`: `write_map`, `write_field`, `write_shares`, `write_leaves`, `write_faces`,
+  `write_windows`, and the tables of writers
 - `tiff`, `footprint_files`: the writers of GeoTIFF, and of GeoPackage and GeoJSON
+- `geotiff_seal`: the digest of a GeoTIFF, which shows changed bytes
 """
 
 from evocity.lazy_imports import lazy_names

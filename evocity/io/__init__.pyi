@@ -32,6 +32,9 @@ from .reader_types import Grid as Grid
 from .reader_types import Reader as Reader
 from .reader_types import Request as Request
 from .writers import (
+    FACES_WRITERS as FACES_WRITERS,
+)
+from .writers import (
     FIELD_WRITERS as FIELD_WRITERS,
 )
 from .writers import (
@@ -48,6 +51,9 @@ from .writers import (
 )
 from .writers import (
     WRITERS as WRITERS,
+)
+from .writers import (
+    write_faces as write_faces,
 )
 from .writers import (
     write_field as write_field,

@@ -35,11 +35,11 @@ def cities() -> list[str]:
 
 
 def attribution_of(name: str) -> str:
-    """Return the attribution line that the licence of a bundled district demands.
+    """Return the attribution that the licence of a bundled district demands.
 
     Raises
     ------
-    MapError : no district has this name. The message lists the existing names.
+    MapError : no district has this name; the message lists the existing names.
     """
     _check(name)
     return DISTRICTS[name].attribution

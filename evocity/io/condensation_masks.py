@@ -1,16 +1,12 @@
 """Condensations and masks from files: pixels that decoding keeps, by footprints or rasters.
 
-Footprints are rasterized on the map's grid. Where raster and map are placed on Earth, each pixel of
-the map takes the raster's pixel at its centre; any other raster must have the map's size.
+If raster and map lie on Earth, each pixel of the map takes the raster's pixel at its centre.
 """
 
 import os
 from collections.abc import Sequence
 
 import numpy as np
-import rasterio
-from rasterio.enums import Resampling
-from rasterio.warp import reproject
 
 from evocity.citymap import CityMap
 from evocity.condensation import Condensation
@@ -18,8 +14,8 @@ from evocity.errors import MapError
 from evocity.io.heights import TALLEST
 from evocity.io.map_reader import data_of, options_of
 from evocity.io.rasterization import crs_of, rasterize_onto
-from evocity.io.reader_types import Footprints, Grid, Request, north_up
-from evocity.io.resampling import placement_errors
+from evocity.io.reader_types import Footprints, Grid, Request
+from evocity.io.resampling import placement_errors, resample_onto
 
 
 def read_condensation(
@@ -27,23 +23,24 @@ def read_condensation(
     city: CityMap,
     heights: str | os.PathLike | float | None = None,
 ) -> tuple[Condensation, str]:
-    """Read a condensation on the grid of ``city``, and the attribution lines that the licences of
-    its files demand.
+    """Read a condensation on the grid of ``city``, and the attribution that the licences of its
+    files demand.
 
     Parameters
     ----------
-    place : file in any format that `read_map` reads. The condensation keeps the pixels whose
-        centres lie in the file's polygons, or where its raster is above 0.
+    place : file in any format that `read_map` reads. The condensation fixes pixels with their
+        centre in a polygon of the file, or with a raster value above 0.
     city : map to encode, or another map on the same grid.
-    heights : source of the kept heights. None keeps the heights of ``city``. A number is one height
-        for all pixels, metres. A raster file (GeoTIFF, NPY) holds metres; missing values are 0. A
-        file of footprints has heights by the rules of `evocity.io.heights`, and 6 m where no rule
-        applies.
+    heights : source of the fixed heights; None uses the heights of ``city``. If ``heights`` is a
+        number, all pixels get this height, metres. A raster file (GeoTIFF, NPY) gives heights in
+        metres, and 0 for missing values. A file of footprints gives heights according to the rules
+        of `evocity.io.heights`, or 6 m if no rule applies.
 
     Raises
     ------
-    MapError : a file cannot be read, a height is beyond 0…1000 m, or a raster has another size. Or
-        a file lies on Earth and the city does not. Or the place covers no pixel of the city.
+    MapError : a file cannot be read, or its raster differs in size from the city. A height that is
+        not 0 to 1000 m raises MapError, and so does a file that covers no pixel of the city. If the
+        city has no place on Earth, a file with a place on Earth raises MapError.
     """
     mask, attribution = _mask(place, city)
     lines = [attribution]
@@ -54,7 +51,7 @@ def read_condensation(
         if not 0 <= heights <= TALLEST:  # nor NaN
             raise MapError(
                 f"a condensed height of {heights:g} m is out of range",
-                f"0 (ground) to {TALLEST:g} m",
+                f"a height from 0 m (ground) to {TALLEST:g} m",
                 "give the height above ground, or a file of heights",
             )
         city = city.replace(np.full(city.shape, heights))
@@ -63,13 +60,14 @@ def read_condensation(
 
 
 def read_mask(place: str | os.PathLike, cities: Sequence[CityMap]) -> np.ndarray:
-    """Read a mask, bool ``(H, W)``, from the file ``place``, on the first of ``cities`` that it
-    covers.
+    """Read a mask, bool ``(H, W)``, from the file ``place``, on the first of ``cities`` that the
+    file covers.
 
-    A pixel is true if its centre lies in the polygons of the file, or if the raster of the file is
-    above 0. All cities have one size.
+    A pixel of the mask is true in two cases: its centre lies in a polygon of the file, or its
+    raster value exceeds 0. All ``cities`` must have the same size.
 
-    Raises the `MapError` for the first city, as `read_condensation` does.
+    If the file covers no city, the function raises the `MapError` that `read_condensation` raises
+    for the first city.
     """
     faults = []
     for city in cities:
@@ -90,8 +88,8 @@ def _mask(source: str | os.PathLike, city: CityMap) -> tuple[np.ndarray, str]:
     mask = _on_grid(data, city, name) > 0
     if not mask.any():
         raise MapError(
-            f"{name}: no pixel of {city.name} is above 0",
-            "a mask with values above 0 where it marks pixels",
+            f"{name}: the mask has no value above 0 on the map {city.name}",
+            "a mask with a value above 0 for at least one pixel",
             "check the file, and draw the mask on this map",
         )
     return mask, data.attribution
@@ -102,7 +100,7 @@ def _heights(source: str | os.PathLike, city: CityMap) -> CityMap:
     if os.fspath(source).lower().endswith(".png"):
         raise MapError(
             f"{os.fspath(source)!r} holds grey levels, not metres",
-            "heights in metres: .tif, .npy or footprints",
+            "a file of heights in metres: .tif, .npy or building footprints",
             "save the heights as .npy or .tif",
         )
     data, name = data_of(source, Request())
@@ -120,22 +118,11 @@ def _on_grid(grid: Grid, city: CityMap, name: str) -> np.ndarray:
             there, here = (f"{h} × {w} px" for h, w in (grid.heights.shape, city.shape))
             raise MapError(
                 f"{name} has {there}, but {city.name} has {here}",
-                "a raster of the map's size; or of the same place, if both have a place on Earth",
+                "two rasters of the same size; or two rasters of which each has coordinates on "
+                "Earth",
                 f"make the raster {here}, with the same pixels as the map",
             )
         return grid.heights
-    values = np.zeros(city.shape, np.float32)
-    source, target = (
-        rasterio.crs.CRS.from_wkt(crs.to_wkt()) for crs in (grid.crs, crs_of(city, name))
-    )
+    crs = crs_of(city, name)
     with placement_errors(name):
-        reproject(
-            grid.heights.astype(np.float32, copy=False),
-            values,
-            src_transform=grid.transform,
-            src_crs=source,
-            dst_transform=north_up(*city.origin, city.metres_per_pixel),
-            dst_crs=target,
-            resampling=Resampling.nearest,
-        )
-    return values
+        return resample_onto(grid, city.shape, city.origin, city.metres_per_pixel, crs)

@@ -1,9 +1,6 @@
-"""Writers of footprints with heights: GeoPackage and GeoJSON, a polygon for each building; the
-GeoPackage also has the street graph.
-
-The buildings are those of `CityMap.buildings`, with the straight walls of `CityMap.walls` or, raw,
-the pixels' edges of `CityMap.outline`. The files name the window, so that readers find it again.
-"""
+"""Writers of footprints with heights: GeoPackage and GeoJSON, a polygon for each building, with the
+straight walls of `CityMap.walls` or, raw, the pixels' edges of `CityMap.outline`. The GeoPackage
+also has the street graph. The files name the window, so that readers find it again."""
 
 import json
 import warnings
@@ -197,8 +194,8 @@ def no_geojson(name: str) -> MapError:
     return MapError(
         f"{name} has no place on Earth, but GeoJSON needs longitude and latitude",
         "a map with a reference system (RFC 7946 allows only WGS84)",
-        "write a .gpkg, which accepts local metres; or place a child of a run on a source city "
-        f"with {keyword('at')}",
+        "write a .gpkg, which accepts local metres; or give the map the coordinates of a source "
+        f"city with {keyword('at')}",
     )
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from evocity.errors import MapError
+from evocity.errors import MapError, is_number
 from evocity.formats.geojson_lines import read_document
 from evocity.io.cityjson import read_cityjson
 from evocity.io.projection import WGS84, is_metric, parse_crs
@@ -102,7 +102,7 @@ def _ring(ring: list, where: str) -> list[tuple[float, float]]:
 def _geometry_error(where: str, found: str) -> MapError:
     return MapError(
         f"{where}: {found}",
-        "polygons whose rings have at least three different points of two or three numbers",
+        "polygons with rings of three or more different points, each of two or three numbers",
         "repair or delete this feature, for example in QGIS",
     )
 
@@ -132,7 +132,7 @@ def _window(path: Path, window: object):
         raise MapError(
             f"{where} cannot be read ({error})",
             '{"center": [longitude, latitude]}, and optionally "projection"',
-            "correct the member or remove it",
+            "correct the member 'window', or remove it",
         ) from error
     if named is None:
         return center, None
@@ -148,5 +148,4 @@ def _window(path: Path, window: object):
 
 def _side(window: object) -> float | None:
     side = window.get("side_m") if isinstance(window, dict) else None
-    number = isinstance(side, int | float) and not isinstance(side, bool)
-    return float(side) if number and 0 < side < 1e9 else None
+    return float(side) if is_number(side) and 0 < side < 1e9 else None

@@ -1,8 +1,6 @@
-"""Bounds for what a GeoPackage computes: views, generated columns, virtual tables.
-
-SQLite follows a recursive view without end, and GDAL sets no bound. This module reads each of them
-once beforehand, by sqlite3 with a bound; it skips plain tables.
-"""
+"""Bounds for what a GeoPackage computes: views, generated columns, virtual tables. SQLite follows a
+recursive view without end, and GDAL sets no bound. So sqlite3 reads each once beforehand, with a
+bound."""
 
 import re
 import sqlite3
@@ -13,6 +11,8 @@ from evocity.errors import MapError
 
 #: Bounds for all views of a file: seconds, rows, bytes.
 SECONDS, ROWS, BYTES = 5.0, 5_000_000, 1 << 28
+# Bytes of one value, at most: Python and SQLite keep several copies of it.
+_LONGEST = 1 << 26
 
 # Deterministic functions that every SQLite has, so that GDAL reads the same values.
 _FUNCTIONS = frozenset(
@@ -23,6 +23,8 @@ _FUNCTIONS = frozenset(
 _READING = {sqlite3.SQLITE_SELECT, sqlite3.SQLITE_READ, sqlite3.SQLITE_RECURSIVE}
 _COMPUTED = re.compile(r"\bGENERATED\b|\bAS\s*\(|^\s*CREATE\s+VIRTUAL\s+TABLE\b", re.I)
 _INDEX = re.compile(r"^\s*CREATE\s+VIRTUAL\s+TABLE\s+.*\bUSING\s+(rtree|fts\d)\b", re.I | re.S)
+# Python decodes the messages of SQLite, which may quote a schema that is not UTF-8.
+_ERRORS = sqlite3.Error, UnicodeError
 # Opcodes between two checks of the clock.
 _OPCODES = 20_000
 
@@ -39,17 +41,17 @@ def check_views(path: Path) -> None:
         return  # GDAL reports the error
     try:
         file.text_factory = bytes
-        file.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, BYTES)
+        file.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST)
         file.set_progress_handler(lambda: time.monotonic() > end, _OPCODES)
         try:
             computed = [name for name, sql in _definitions(file) if _computes(sql)]
-        except sqlite3.Error:
+        except _ERRORS:
             return
         file.set_authorizer(_authorize)
         for name in computed:
             trouble = f"its view {name!r}"
             _read(file, name)
-    except sqlite3.Error as error:
+    except _ERRORS as error:
         if time.monotonic() > end:
             raise _view_error(path, trouble, f"takes longer than {SECONDS:g} s") from None
         raise _view_error(path, trouble, f"cannot be read ({error})") from None
@@ -95,6 +97,6 @@ def _authorize(action: int, first, second, *_) -> int:
 def _view_error(path: Path, what: str, found: str) -> MapError:
     return MapError(
         f"{path.name}: {what} {found}",
-        "tables, and views that end in seconds and use only plain functions of SQLite",
+        "a table, or a view that SQLite computes in seconds with its standard functions",
         "export the layer as a table, for example with ogr2ogr",
     )

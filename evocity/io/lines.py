@@ -12,7 +12,7 @@ from rasterio.features import rasterize
 
 from evocity.citymap import CityMap
 from evocity.condensation import Condensation
-from evocity.errors import MapError, keyword
+from evocity.errors import MapError, check_number, keyword
 from evocity.formats.geojson_lines import lines_in, read_document
 from evocity.io.geojson import parse_crs_member
 from evocity.io.heights import TALLEST
@@ -38,8 +38,8 @@ class PlacedLines:
     """Polylines with their reference system.
 
     Each line is float ``(n, 2)``, metres: x to the east, y to the north. The field ``crs`` is a
-    code or a plain PROJ string; it is None for lines without a place on Earth. The field
-    ``attribution`` is the line that the licence of the file demands.
+    code, a plain PROJ string, or None for lines without a place on Earth. The field ``attribution``
+    is the credit that the licence of the file demands.
     """
 
     lines: tuple[np.ndarray, ...]
@@ -48,12 +48,13 @@ class PlacedLines:
 
 
 def read_lines(path: str | os.PathLike) -> PlacedLines:
-    """Read the lines of a GeoJSON file: LineStrings and the rings of polygons, in their order.
+    """Read the lines of a GeoJSON file: LineStrings and the rings of polygons, in the order of the
+    file.
 
-    Degrees (RFC 7946) become metres, in a projection about the middle of the lines. If a ``crs``
-    member names a metric reference system, the coordinates stay. A document with ``"window": true``
-    has metres from the south-west corner of a window without a place on Earth. A point equal to the
-    point before it is left out; so is a line of one point.
+    Coordinates in degrees (RFC 7946) are projected to metres, about the middle of the lines.
+    Coordinates stay unchanged if a ``crs`` member names a metric reference system. A document with
+    ``"window": true`` has no place on Earth; its coordinates are metres from a south-west corner.
+    Repeated points and lines of one point are left out.
 
     Raises `MapError` if the file is not GeoJSON, has no lines, or has too many points.
     """
@@ -84,9 +85,9 @@ def read_lines(path: str | os.PathLike) -> PlacedLines:
     lon, lat = transform_points(*((points.min(axis=0) + points.max(axis=0)) / 2), source, WGS84)
     if not (math.isfinite(lon) and abs(lon) <= 180 and abs(lat) < 90):
         raise MapError(
-            f"{path.name}: its lines lie about {lon:g}, {lat:g}, which is not on Earth",
+            f"{path.name}: the middle of its lines, {lon:g}, {lat:g}, is not a place on Earth",
             "longitude and latitude in degrees",
-            'repair the coordinates, or add a "crs" member; or set "window": true for '
+            'do one of these: repair the coordinates; add a "crs" member; set "window": true for '
             "metres without a place on Earth",
         )
     target = parse_crs(portable_code(local_metres(round(lon, 6), round(lat, 6))), path.name)
@@ -95,8 +96,9 @@ def read_lines(path: str | os.PathLike) -> PlacedLines:
 
 
 def write_lines(placed: PlacedLines, path: str | os.PathLike) -> None:
-    """Write lines as GeoJSON, as `read_lines` reads them: in degrees if they lie on Earth, else in
-    metres with ``"window": true``. Raises `MapError` if the file cannot be written."""
+    """Write lines as GeoJSON that `read_lines` can read. Lines on Earth are written in degrees;
+    lines without a place on Earth are written in metres, with ``"window": true``. Raises `MapError`
+    if the file cannot be written."""
     lines = list(placed.lines)
     if placed.crs is not None:
         source = parse_crs(placed.crs, "crs")
@@ -126,11 +128,11 @@ def crs_code(city: CityMap) -> str | None:
 
 
 def line_on(city: CityMap, line: np.ndarray, crs: str | None) -> np.ndarray:
-    """Convert a ``line`` ``(n, 2)`` of ``crs`` to the coordinates of a city.
+    """Convert a ``line`` ``(n, 2)`` from the reference system ``crs`` to the coordinates of a city.
 
-    These are in the city's reference system, or in metres from its south-west corner if it has no
-    place on Earth. A line without ``crs`` is in metres from that corner. Raises `MapError` if the
-    line lies on Earth and the city does not.
+    A city with a place on Earth has coordinates in its reference system; a city without a place has
+    metres from its south-west corner. A line without ``crs`` is in metres from the south-west
+    corner of the city. Raises `MapError` if the line lies on Earth and the city does not.
     """
     if crs is None:
         if city.origin is None:
@@ -143,13 +145,15 @@ def line_on(city: CityMap, line: np.ndarray, crs: str | None) -> np.ndarray:
 def condensation_along(
     city: CityMap, line: np.ndarray, width: float, height: float = 0.0
 ) -> Condensation:
-    """Make a condensation of a strip along a ``line`` ``(n, 2)``, in the coordinates of the map.
+    """Make a condensation of a strip along a ``line``, ``(n, 2)`` in the coordinates of the map.
 
-    Pixels of ``city`` belong to the strip if their centres lie within half a ``width`` of the line,
-    metres. They become ``height`` metres high: 0 for ground or water, more for a wall.
+    A pixel of ``city`` belongs to the strip if its centre lies within ``width`` / 2 metres of the
+    line. All pixels of the strip get the height ``height``, metres: 0 for ground or water, more for
+    a wall.
 
-    Raises `MapError` if the width is below a pixel or over `WIDEST`, or the height is beyond 0…1000
-    m. Raises it too if the line crosses itself, or covers no pixel of the map.
+    Raises `MapError` if the width is less than a pixel or more than the constant ``WIDEST``. The
+    height of the strip must be 0 to 1000 m. A line that crosses itself, or covers no pixel of the
+    map, raises MapError.
     """
     pixel, (rows, columns) = city.metres_per_pixel, city.shape
     if not pixel <= width <= WIDEST:
@@ -158,18 +162,14 @@ def condensation_along(
             f"{pixel:g}…{WIDEST:g} m",
             "widen it, or make the map with smaller pixels" if width < pixel else "narrow it",
         )
-    if not 0 <= height <= TALLEST:
-        raise MapError(
-            f"{keyword('height', height)} m is out of range",
-            f"0 (ground, water) to {TALLEST:g} m",
-            "correct the height",
-        )
+    expected = f"a height from 0 m (ground, water) to {TALLEST:g} m"
+    check_number("height", height, 0, TALLEST, expected, MapError)
     drawn = shapely.linestrings(line)
     if not drawn.is_simple:
         raise MapError(
             "the line crosses itself",
             "a line without crossings",
-            "correct the line, or drop or reduce its details",
+            "draw the line again, or simplify it",
         )
     left, top = city.north_west
     mask = rasterize(
@@ -183,8 +183,8 @@ def condensation_along(
         raise MapError(
             f"the line from x = {west:.0f} to {east:.0f} and y = {south:.0f} to {north:.0f} "
             f"covers no pixel of {city.name}",
-            f"a line that meets x = {left:.0f} to {left + columns * pixel:.0f} and "
-            f"y = {top - rows * pixel:.0f} to {top:.0f}",
+            f"a line that crosses the map: x = {left:.0f} to {left + columns * pixel:.0f}, y = "
+            f"{top - rows * pixel:.0f} to {top:.0f}",
             "draw the line on this map",
         )
     return Condensation(np.full(city.shape, height, np.float32), mask)
@@ -194,8 +194,8 @@ def _transform_line(line: np.ndarray, source, target, name: str) -> np.ndarray:
     points = np.column_stack(transform_points(*line.T, source, target))
     if not np.isfinite(points).all():
         raise MapError(
-            f"{name}: some points have no place in {code_of(target)[:60]}",
-            "points near each other on Earth",
+            f"{name}: some points cannot be converted to {code_of(target)[:60]}",
+            "points that lie near each other on Earth",
             "repair the coordinates",
         )
     return points

@@ -1,7 +1,6 @@
 """`read_map`: chooses the reader by the suffix, and the window; and the table of readers."""
 
 import dataclasses
-import numbers
 import os
 from collections.abc import Callable
 from functools import cache
@@ -10,7 +9,7 @@ from importlib.metadata import EntryPoint
 from pathlib import Path
 
 from evocity.citymap import MAX_SIDE, PIXEL_SIDES, CityMap
-from evocity.errors import MapError, keyword, reason_of, setting
+from evocity.errors import MapError, check_number, keyword, reason_of, setting
 from evocity.io import bundled_cities
 from evocity.io.rasterization import rasterize_footprints
 from evocity.io.reader_types import Footprints, Grid, Reader, Request, content_of
@@ -97,28 +96,31 @@ def read_map(
 
     Parameters
     ----------
-    source : path, or name of a bundled district. The suffix chooses the reader (`READERS`):
-        GeoJSON, CityJSON, GeoPackage, Shapefile, OSM XML and PBF, GeoTIFF, PNG, NPY.
-    pixels : side of the square window, px. Default: 256 for footprints, the raster's own extent for
-        rasters.
-    metres_per_pixel : side of a pixel, metres. Default: 2.0 for footprints, the file's own value
-        for a GeoTIFF. PNG and NPY require it.
-    center : centre of the window, ``(longitude, latitude)``. Default: the ``window`` member of a
-        GeoJSON file. Without this member, it is the middle of the buildings' bounds, or of the
-        raster.
-    layer : layer of a GeoPackage that holds the buildings, if several layers may hold them.
-    default_height : height of a building to which no rule applies, metres (see
+    source : path, or name of a bundled district. The suffix of the file chooses the reader
+        (`READERS`): GeoJSON, CityJSON, GeoPackage, Shapefile, OSM XML and PBF, GeoTIFF, PNG, NPY.
+    pixels : side of the square window, px. By default, the window has 256 px for footprints, and
+        covers a raster completely.
+    metres_per_pixel : side of a pixel, metres. By default, footprints get pixels of 2.0 m, and a
+        GeoTIFF keeps its own pixel size. PNG and NPY files require the option ``metres_per_pixel``.
+    center : centre of the window, ``(longitude, latitude)``. By default, the centre comes from the
+        ``window`` member of a GeoJSON file. Without a ``window`` member, the centre is the middle
+        of the buildings' bounds, or the middle of the raster.
+    layer : name of the GeoPackage layer with the buildings; required if several layers may hold
+        buildings.
+    default_height : height of a building to which no height rule applies, metres (see
         `evocity.io.heights`).
     height_scale : metres per grey level (required for PNG), or per unit (GeoTIFF, NPY).
-    name : name of the map. Default: the name of the district, or of the file.
-    attribution : line that the licence of the source demands, at most 1000 characters, in place of
-        the file's own line. A bundled district keeps its own line.
+    name : name of the map; by default the name of the district, or of the file.
+    attribution : credit that the licence of the source demands, at most 1000 characters; it
+        replaces the file's own credit. For a bundled district, the argument ``attribution`` has no
+        effect.
 
     Returns
     -------
-    CityMap : map in true metres. Footprints are projected to the metric projection that the file
-        names, or else to a transverse Mercator about the centre. A raster keeps its pixels if they
-        are square, in true metres, and of the requested size.
+    CityMap : map whose pixels measure true metres on the ground. Footprints are projected to the
+        metric projection that the file names, or else to a transverse Mercator about the centre. A
+        raster keeps its pixels if they are square, have the requested size, and measure true metres
+        on the ground.
 
     Raises
     ------
@@ -157,7 +159,7 @@ def data_of(source: str | os.PathLike, request: Request) -> tuple[Footprints | G
 
 def name_of(source: str | os.PathLike) -> str:
     """Find the default name of a map: the name in a GeoTIFF, or else the file's name without
-    suffix. Raises `MapError` as `read_map` does."""
+    suffix. Raises `MapError` in the same cases as `read_map`."""
     path, _ = _locate(source)
     suffix, reader = _reader_of(path)
     own = data_of(source, Request())[0].name if reader is _TIFF else None
@@ -175,8 +177,8 @@ def suffixes() -> list[str]:
 
 
 def readers() -> dict[str, tuple[Reader, str]]:
-    """Return all readers by suffix. Each has its origin: "evocity", or the package and version of a
-    plugin."""
+    """Return a mapping from each suffix to a pair: the reader of this suffix, and the reader's
+    origin. The origin is "evocity", or the package and version of a plugin."""
     ours = {suffix: (reader, "evocity") for suffix, reader in READERS.items()}
     found, _, origins = _from_plugins()
     return ours | {suffix: (found[suffix], origins[suffix]) for suffix in found}
@@ -233,7 +235,7 @@ def _locate(source: str | os.PathLike) -> tuple[Path, str]:
             raise MapError(
                 f"{text!r} is a folder",
                 "a file",
-                f"name a file in the folder:  {_join(suffixes())}",
+                f"name a file in this folder that ends in {_join(suffixes())}",
             )
         if not path.is_file():
             if not path.suffix and path.parent == Path():
@@ -296,15 +298,14 @@ def _check_content(path: Path, reader: Reader) -> None:
     if reader.content is not None and content != reader.content:
         raise MapError(
             f"{path.name} holds {content if content != 'unknown' else 'something else'}",
-            f"{reader.content}, as its name says",
-            "rename the file to the suffix of its content, or export it again",
+            f"{reader.content}, as the suffix of the file name says",
+            "give the file name the suffix of its format, or export the file again",
         )
 
 
 def _unreadable(text: str, error: Exception) -> MapError:
-    reason = reason_of(error)
     return MapError(
-        f"{text!r} cannot be opened: {reason}",
+        f"{text!r} cannot be opened: {reason_of(error)}",
         "a file that you may read",
         "check the path and the permissions",
     )
@@ -317,27 +318,18 @@ def _join(items: list[str]) -> str:
 def _check_count(pixels: object) -> int | None:
     if pixels is None:
         return None
-    whole = isinstance(pixels, numbers.Integral) and not isinstance(pixels, bool)
-    if not whole or not 1 <= pixels <= MAX_SIDE:
-        raise MapError(
-            setting("pixels", pixels),
-            f"a whole number from 1 to {MAX_SIDE}",
-            f"give the side of the square window in pixels, for example {keyword('pixels', 256)}",
-        )
+    remedy = f"give the side of the square window in pixels, for example {keyword('pixels', 256)}"
+    expected = f"a whole number from 1 to {MAX_SIDE}"
+    check_number("pixels", pixels, 1, MAX_SIDE, expected, MapError, remedy, whole=True)
     return int(pixels)
 
 
 def _check_positive(option: str, value: object) -> float | None:
     if value is None and option != "default_height":
         return None
-    number = isinstance(value, numbers.Real) and not isinstance(value, bool)
     low, high = PIXEL_SIDES  # heights lie within these too
-    if not number or not low <= value <= high:
-        raise MapError(
-            setting(option, value),
-            f"a positive number of metres, {low:g} to {high:g}",
-            f"correct {keyword(option)}, or leave it out",
-        )
+    expected = f"a positive number of metres, {low:g} to {high:g}"
+    check_number(option, value, low, high, expected, MapError)
     return float(value)
 
 

@@ -1,10 +1,7 @@
 """OpenStreetMap extracts, XML or PBF: areas of buildings and of their parts.
 
 pyosmium reads the elements in three passes, so that they may come in any order; shapely assembles
-the areas. GDAL's driver and osmium's own assembler need nodes before ways, an order that Overpass
-and some tools for extracts do not keep. GDAL also takes areas with only a ``building:part`` for
-lines. osmium loses nodes with negative ids, which are not uploaded yet, and fills the courts of
-multipolygons tagged on the outer way.
+the areas. GDAL's driver and osmium's own assembler need nodes before ways, and lose some areas.
 """
 
 import bz2
@@ -77,20 +74,21 @@ def _check_unpacked(path: Path, packing: str) -> None:
 
 def _elements(file: osmium.io.File) -> tuple[list[Relation], dict[int, Way], Places]:
     """Read what may belong to buildings: relations, ways by id, the places of the ways' nodes."""
-    relations, ways, places = [], {}, {}
-    count = _Count()
+    relations, ways, places, count = [], {}, {}, 0
     for relation in osmium.FileProcessor(file, osmium.osm.RELATION):
         tags = dict(relation.tags)
         relevant = is_building(tags) or _SILENT_TAGS.issuperset(tags)
         if relevant and tags.get("type") == "multipolygon":
             members = [(way.ref, way.role) for way in relation.members if way.type == "w"]
             relations.append((members, tags))
-            count.add(0, len(members))
+            count += len(members)
+            _check_room(0, count)
     in_relations = {way for members, _ in relations for way, _ in members}
     for way in osmium.FileProcessor(file, osmium.osm.WAY):
         if way.id in in_relations or is_building(way.tags):
             ways[way.id] = [node.ref for node in way.nodes], dict(way.tags)
-            count.add(1, len(way.nodes))
+            count += len(way.nodes)
+            _check_room(len(ways), count)
     wanted = {node for nodes, _ in ways.values() for node in nodes}
     empty = True
     for node in osmium.FileProcessor(file, osmium.osm.NODE):
@@ -104,20 +102,13 @@ def _elements(file: osmium.io.File) -> tuple[list[Relation], dict[int, Way], Pla
     return relations, ways, places
 
 
-class _Count:
-    """A count of the ways and nodes in memory, which raises ValueError beyond its bounds."""
-
-    def __init__(self):
-        self._ways = self._nodes = 0
-
-    def add(self, ways: int, nodes: int) -> None:
-        self._ways += ways
-        self._nodes += nodes
-        if self._ways > _MOST_WAYS or self._nodes > _MOST_NODES:
-            raise ValueError(
-                f"its buildings have more than {_MOST_WAYS} outlines, or {_MOST_NODES} corners; "
-                "cut it to the city: osmium extract --bbox"
-            )
+def _check_room(ways: int, nodes: int) -> None:
+    """Raise ValueError for more ways or nodes than fit into memory."""
+    if ways > _MOST_WAYS or nodes > _MOST_NODES:
+        raise ValueError(
+            f"its buildings have more than {_MOST_WAYS} outlines, or {_MOST_NODES} corners; "
+            "cut it to the city: osmium extract --bbox"
+        )
 
 
 def _assemble(relations: list[Relation], ways: dict[int, Way], places: Places) -> Footprints:

@@ -1,7 +1,5 @@
-"""Repair of outlines that cross themselves, as far as it ends in seconds.
-
-A repair costs about 80 µs and 2 kB for each crossing, and 5 000 corners may cross 12 million times.
-"""
+"""Repair of outlines that cross themselves, as far as it ends in seconds: it costs about 80 µs and
+2 kB for each crossing, and 5 000 corners may cross 12 million times."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,8 +21,10 @@ def crossings(polygon: shapely.Geometry, most: int = MOST) -> int:
     """Count how often sides of a ``polygon`` meet, up to ``most`` + 1. A side and the next do not
     count; the last and the first side of a ring do."""
     rings = shapely.get_rings(shapely.get_parts(polygon))
-    sides = [_sides(shapely.get_coordinates(ring)) for ring in rings]
-    every = np.concatenate(sides) if sides else np.empty((0, 2, 2))
+    points, of = shapely.get_coordinates(rings, return_index=True)
+    every = np.stack([points[:-1], points[1:]], axis=1)
+    # both ends of each side of a ring, without sides of length 0
+    every = every[(of[1:] == of[:-1]) & (every[:, 0] != every[:, 1]).any(axis=1)]
     count = len(every)
     if count > 1 << 20:
         return most + 1
@@ -45,10 +45,8 @@ def repair_polygons(
     polygons: np.ndarray, where: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Repair ``polygons`` that cross themselves. Also return bool ``(n,)``: those that would take
-    too long, and stay as they are. ``where``: the polygons to check, default all.
-
-    Raises what GEOS raises where it cannot repair.
-    """
+    too long, and stay as they are. ``where``: the polygons to check, default all. Raises what GEOS
+    raises where it cannot repair."""
     polygons = polygons.copy()
     broken = ~shapely.is_valid(polygons)
     if where is not None:
@@ -79,12 +77,6 @@ def geometry_errors(name: str) -> Iterator[None]:
     except shapely.errors.ShapelyError as error:
         raise MapError(
             f"{name}: GEOS cannot process an outline ({str(error)[:200]})",
-            "polygons of finite corners that do not cross themselves",
+            "polygons with finite coordinates that do not cross themselves",
             "repair the polygons, for example with the tool Fix geometries of QGIS",
         ) from error
-
-
-def _sides(points: np.ndarray) -> np.ndarray:
-    """Return both ends of each side of a ring, without sides of length 0: float64 ``(n, 2, 2)``."""
-    sides = np.stack([points[:-1], points[1:]], axis=1)
-    return sides[(sides[:, 0] != sides[:, 1]).any(axis=1)]

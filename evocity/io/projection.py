@@ -39,11 +39,8 @@ def plane() -> CRS:
 
 
 def parse_crs(text: object, where: str) -> CRS:
-    """Parse the reference system that a file names, made two-dimensional.
-
-    It reads codes (``EPSG:2154``, OGC names and addresses) and plain PROJ strings only: other PROJ
-    strings may name files.
-    """
+    """Parse the reference system that a file names, made two-dimensional: codes (``EPSG:2154``, OGC
+    names and addresses) and plain PROJ strings only, since other PROJ strings may name files."""
     try:
         if not isinstance(text, str):
             raise ProjError("not a text")
@@ -55,8 +52,8 @@ def parse_crs(text: object, where: str) -> CRS:
     except ProjError as error:
         raise MapError(
             f"{where}: unknown reference system {str(text)[:80]!r}",
-            "a code that PROJ knows, for example EPSG:2154; or no entry, for longitude and "
-            "latitude",
+            "a code that PROJ knows, for example EPSG:2154; or no entry if the coordinates are "
+            "longitude and latitude",
             "correct the entry, or convert the file with ogr2ogr -t_srs EPSG:4326",
         ) from error
 
@@ -94,10 +91,8 @@ def is_metric(crs: CRS) -> bool:
 
 
 def is_true_to_scale(crs: CRS, lon: float, lat: float) -> bool:
-    """Tell whether lengths are right within `SCALE_TOLERANCE` at a place, along x and along y.
-
-    EPSG:3857 is wrong everywhere; UTM and national grids are right. It measures geodesics of 100 m.
-    """
+    """Tell whether lengths are right within `SCALE_TOLERANCE` at a place, along x and along y, by
+    geodesics of 100 m. EPSG:3857 is wrong everywhere; UTM and national grids are right."""
     x, y = transform_points(lon, lat, WGS84, crs)
     if not (math.isfinite(x) and math.isfinite(y)):
         return False

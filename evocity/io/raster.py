@@ -3,6 +3,7 @@
 import contextlib
 import sys
 import warnings
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from rasterio.windows import Window
 
 from evocity.errors import MapError, keyword
+from evocity.io.geotiff_seal import check_seal
 from evocity.io.projection import flat
 from evocity.io.reader_types import Grid, Request, check_size
 
@@ -38,11 +40,11 @@ _FEET = {"ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "us-ft": 1200 / 3937}
 
 
 def read_geotiff(path: Path, request: Request) -> Grid:
-    """Read the one band of heights of a GeoTIFF; nodata, NaN and negative values are ground.
-
-    It applies the band's own scale, offset and feet, and multiplies by ``height_scale``.
-    """
+    """Read the one band of heights of a GeoTIFF; nodata, NaN and negative values are ground. It
+    applies the band's own scale, offset and feet, and multiplies by ``height_scale``. A sealed file
+    must have the bytes that evocity wrote."""
     try:
+        check_seal(path)
         with (
             warnings.catch_warnings(action="ignore", category=NotGeoreferencedWarning),
             _silence_gdal(),
@@ -60,7 +62,8 @@ def read_geotiff(path: Path, request: Request) -> Grid:
             crs, transform, tags = source.crs, source.transform, source.tags()
             if crs is not None:
                 _check_transform(path, transform)
-                crs = _crs(crs)
+                crs = flat(CRS.from_wkt(crs.to_wkt()))
+                crs = crs if crs.is_projected or crs.is_geographic else None
     except (RasterioError, CPLE_BaseError, OSError, ValueError, ProjError) as error:
         raise MapError(
             f"{path.name} cannot be read as GeoTIFF: {error.__cause__ or error}",
@@ -107,8 +110,8 @@ def _check_transform(path: Path, transform: Affine) -> None:
     if not right:
         listed = ", ".join(f"{number:.6g}" for number in numbers)
         raise MapError(
-            f"{path.name}: its transform of pixels is invalid ({listed})",
-            "finite numbers that give each pixel a side and an area",
+            f"{path.name}: its geotransform is invalid ({listed})",
+            "a geotransform of finite numbers that give each pixel an area",
             "repair the file's georeference, for example with gdal_edit -a_ullr",
         )
 
@@ -116,15 +119,14 @@ def _check_transform(path: Path, transform: Affine) -> None:
 def read_png(path: Path, request: Request) -> Grid:
     """Read a grey PNG of 1, 8 or 16 bits; metres are its levels times a height scale."""
     try:
+        _check_chunks(path)
         with warnings.catch_warnings(action="ignore"), Image.open(path, formats=["PNG"]) as image:
             check_size(path.name, image.height, image.width)
             if image.mode not in ("1", "L", "I", "I;16"):
                 raise MapError(
                     f"{path.name} is a picture in colour ({image.mode})",
                     "a grey PNG of 8 or 16 bits whose levels are heights",
-                    "convert it to grey levels; or use the .tif or .npy, since pictures that "
-                    "evocity "
-                    "draws hold no heights",
+                    "read the .tif or .npy file of the map, or convert the picture to grey levels",
                 )
             levels = np.asarray(image)
     except MapError:
@@ -132,18 +134,35 @@ def read_png(path: Path, request: Request) -> Grid:
     except Exception as error:  # bombs of pixels and of text, and errors of damaged chunks
         raise MapError(
             f"{path.name} cannot be read as PNG: {str(error)[:200] or type(error).__name__}",
-            "a complete PNG of at most 170 million pixels, with little text in it",
+            "a complete PNG of at most 170 million pixels, without long text metadata",
             "export the file again; it may be cut off",
         ) from error
     if request.height_scale is None:
         scale = float(f"{50 / max(1, int(levels.max())):.4g}")
         raise MapError(
             f"{path.name}: its grey levels 0 to {levels.max()} have no height scale",
-            f"{keyword('height_scale')}, the metres per grey level",
+            f"{keyword('height_scale')} with the metres per grey level",
             f"give the height scale, for example {keyword('height_scale', scale)} if the "
             "highest level means 50 m",
         )
     return Grid(levels.astype(np.float32) * np.float32(request.height_scale))
+
+
+def _check_chunks(path: Path) -> None:
+    """Raise ValueError if a critical chunk of a PNG does not have its checksum: Pillow does not
+    check all of them. What follows an incomplete chunk is left to Pillow."""
+    with open(path, "rb") as file:
+        file.seek(8)
+        while len(head := file.read(8)) == 8 and head[4:] != b"IEND":
+            left, check = int.from_bytes(head[:4]), zlib.crc32(head[4:])
+            while part := file.read(min(left, _AT_ONCE)):
+                left -= len(part)
+                check = zlib.crc32(part, check)
+            expected = file.read(4)
+            if len(expected) < 4 or left:
+                return
+            if head[4:5].isupper() and int.from_bytes(expected) != check:
+                raise ValueError("a part of it does not have its checksum")
 
 
 def read_npy(path: Path, request: Request) -> Grid:
@@ -184,25 +203,17 @@ def _height_band(path: Path, source: rasterio.DatasetReader) -> int:
         if kind is not ColorInterp.alpha
     ]
     if len(bands) != 1 or source.colorinterp[bands[0] - 1] is ColorInterp.palette:
-        raise _no_heights(path, f"{len(bands)} bands ({_kinds(source)})")
+        kinds = ", ".join(kind.name for kind in source.colorinterp[:4])
+        raise _no_heights(path, f"{len(bands)} bands ({kinds})")
     return bands[0]
-
-
-def _kinds(source: rasterio.DatasetReader) -> str:
-    return ", ".join(kind.name for kind in source.colorinterp[:4])
 
 
 def _no_heights(path: Path, found: str) -> MapError:
     return MapError(
         f"{path.name} holds {found}",
-        "one band of heights above ground in metres, or one array of two axes",
+        "one band of heights above ground in metres, or one two-dimensional array",
         "extract the heights into a separate file",
     )
-
-
-def _crs(crs: rasterio.crs.CRS) -> CRS | None:
-    known = flat(CRS.from_wkt(crs.to_wkt()))
-    return known if known.is_projected or known.is_geographic else None
 
 
 def _number(text: str | None) -> float | None:

@@ -22,7 +22,7 @@ from evocity.io.projection import (
     transform_points,
     transform_polygons,
 )
-from evocity.io.reader_types import Footprints, Request, check_size, north_up
+from evocity.io.reader_types import Footprints, Request, check_size, north_up, refuse_center
 
 #: Defaults of a map of footprints.
 PIXELS, METRES_PER_PIXEL = 256, 2.0
@@ -31,12 +31,10 @@ _STEPS, _FEW = 4, 20
 
 
 def rasterize_footprints(footprints: Footprints, request: Request, name: str) -> CityMap:
-    """Rasterize the square window of ``request`` as a map of heights.
-
-    A pixel has the height of the footprint at its centre, the highest of several, 0 without one.
-    ``height_rules`` counts the buildings that meet the window. A file that names its own window
-    and has nothing in it gives an empty map.
-    """
+    """Rasterize the square window of ``request`` as a map of heights: a pixel has the height of the
+    footprint at its centre, the highest of several, 0 without one. ``height_rules`` counts the
+    buildings that meet the window. A file that names its own window and has nothing in it gives an
+    empty map."""
     pixels = request.pixels or PIXELS
     side = request.metres_per_pixel or METRES_PER_PIXEL
     check_size(name, pixels, pixels)
@@ -128,23 +126,16 @@ def rasterize_onto(
     city: CityMap, footprints: Footprints, name: str, default_height: float = 6.0
 ) -> np.ndarray:
     """Rasterize all polygons of ``footprints`` on the grid of ``city``: float32 ``(H, W)``, metres
-    as in `rasterize_footprints`, NaN outside polygons.
-
-    Raises `MapError` if the city has no place on Earth, or no pixel in a polygon.
-    """
+    as in `rasterize_footprints`, NaN outside polygons. Raises `MapError` if the city has no place
+    on Earth, or no pixel in a polygon."""
     crs = crs_of(city, name)
     if footprints.crs.is_engineering:
         raise MapError(
-            f"{name} has no place on Earth, but {city.name} has one",
+            f"{name} has no place on Earth, but the map {city.name} has a place on Earth",
             "footprints with a reference system on Earth",
             "assign a reference system to the footprints, for example with ogr2ogr -a_srs EPSG:…",
         )
-    if not len(footprints.polygons) or shapely.is_empty(footprints.polygons).all():
-        raise MapError(
-            f"{name} has no polygon",
-            "polygons of footprints",
-            "check that the right file or layer was exported",
-        )
+    _check_polygons(footprints.polygons, f"{name} has no polygon")
     with geometry_errors(name):
         return _rasterize_onto(city, crs, footprints, name, default_height)
 
@@ -166,10 +157,10 @@ def _rasterize_onto(
         west, south, east, north = places.bounds
         lon, lat = transform_points(left + columns * side / 2, top - rows * side / 2, crs, WGS84)
         raise MapError(
-            f"{name}: no pixel of {city.name} lies in its {len(footprints.polygons)} footprints",
-            f"footprints within the {columns * side:g} × {rows * side:g} m about "
-            f"{lon:.5f}, {lat:.5f}; these lie from longitude {west:.5f} to {east:.5f} and latitude "
-            f"{south:.5f} to {north:.5f}",
+            f"{name}: none of {len(footprints.polygons)} footprints covers a pixel of {city.name}",
+            f"footprints within the {columns * side:g} × {rows * side:g} m about {lon:.5f}, "
+            f"{lat:.5f}; the file's footprints lie from longitude {west:.5f} to {east:.5f} and "
+            f"latitude {south:.5f} to {north:.5f}",
             "draw the footprints on this map, or choose a window around them",
         )
     return painted
@@ -180,7 +171,7 @@ def crs_of(city: CityMap, name: str) -> CRS:
     Earth, on which ``name`` cannot lie."""
     if city.crs is None or city.origin is None:
         raise MapError(
-            f"{city.name} has no place on Earth, but {name} needs one",
+            f"{city.name} has no place on Earth, but {name} needs a map with a place on Earth",
             "a map with a reference system, or a mask of the map's own pixels",
             "give a mask as .npy, .png or .tif instead",
         )
@@ -204,15 +195,16 @@ def _buildings(
     if tagged.any():
         polygons = polygons[tagged]
         tags = [each for each, keep in zip(tags, tagged, strict=True) if keep]
-    if or_none and not len(polygons):
-        return polygons, tags
-    if not len(polygons) or shapely.is_empty(polygons).all():
-        raise MapError(
-            f"{name} has no building",
-            "polygons of building footprints",
-            "check that the right file or layer was exported",
-        )
+    if len(polygons) or not or_none:
+        _check_polygons(polygons, f"{name} has no building")
     return polygons, tags
+
+
+def _check_polygons(polygons: np.ndarray, found: str) -> None:
+    """Raise `MapError` with the text ``found`` if all ``polygons`` are empty."""
+    if not len(polygons) or shapely.is_empty(polygons).all():
+        expected = "polygons of building footprints"
+        raise MapError(found, expected, "check that the right file or layer was exported")
 
 
 class _Places:
@@ -310,12 +302,7 @@ def _paint(
 def _local_center(
     polygons: np.ndarray, footprints: Footprints, request: Request, name: str
 ) -> tuple[float, float]:
-    if request.center is not None:
-        raise MapError(
-            f"{name} has no place on Earth, so {keyword('center', request.center)} cannot apply",
-            f"a file with a reference system; otherwise no {keyword('center')}",
-            f"leave {keyword('center')} out to use a window about the middle",
-        )
+    refuse_center(request, name)
     if any(axis.unit_conversion_factor != 1.0 for axis in footprints.crs.axis_info):
         raise MapError(
             f"{name}: its local coordinates are in {footprints.crs.axis_info[0].unit_name}",

@@ -18,7 +18,7 @@ from evocity.errors import MapError, keyword
 
 @dataclass(frozen=True)
 class Request:
-    """Arguments of `read_map`, whose docstring describes them."""
+    """Arguments of a call of `read_map`, under the same names."""
 
     pixels: int | None = None
     metres_per_pixel: float | None = None
@@ -35,17 +35,18 @@ class Footprints:
 
     Attributes
     ----------
-    polygons : object array of shapely polygons or multipolygons, in two dimensions, in ``crs``.
-    tags : for each polygon, a mapping of its attributes in the source. The height rules use
-        these values.
+    polygons : two-dimensional shapely polygons or multipolygons, with coordinates in ``crs``,
+        object array.
+    tags : mappings from attribute names to values, one for each polygon. The rules for heights of
+        buildings read the attributes of each polygon.
     crs : two-dimensional reference system of the coordinates. Polygons without a place on Earth
         have an engineering system in metres.
-    center : centre of the window that the file names, or None. It is (lon, lat), or (x, y) in an
-        engineering system.
+    center : (longitude, latitude) of the centre of the window that the file names, or None. If
+        polygons have no place on Earth, the centre is (x, y) in the engineering system.
     projection : metric reference system that the file names, or None.
-    side : side of the window that the file names, metres, or None. The note about the map quotes
-        it, but the request sets the size of the window.
-    bare : whether the file names a window that contains nothing.
+    side : side of the window that the file names, metres, or None. The field ``side`` appears only
+        in the note about the map; the request sets the size of the window.
+    bare : whether the file names a window without any building.
     """
 
     polygons: np.ndarray
@@ -64,10 +65,11 @@ class Grid:
 
     Attributes
     ----------
-    heights : heights ``(H, W)``, metres, 0 = ground.
-    crs, transform : place of the raster on Earth, as in rasterio. The field ``crs`` is None if
-        unknown.
-    metres_per_pixel : side of a pixel, if a file without ``crs`` states it.
+    heights : heights above ground, ``(H, W)``, metres; ground is 0.
+    crs, transform : place of the raster on Earth, as in rasterio. The field ``crs`` is None if the
+        reference system is unknown.
+    metres_per_pixel : side of a pixel in metres, or None; a file without ``crs`` can give this
+        side.
     """
 
     heights: np.ndarray
@@ -80,14 +82,14 @@ class Grid:
 
 @dataclass(frozen=True)
 class Reader:
-    """Row of the table of readers.
+    """Reader of one file format, as a row of the table `READERS`.
 
     Attributes
     ----------
     read : function ``(path, request) -> Footprints | Grid``.
-    content : kind of content that the function reads, as `content_of` names it. None reads any
-        content.
-    takes : names of the options ``layer`` and ``height_scale`` that apply to this reader.
+    content : kind of content that the function reads; the function `content_of` gives the names of
+        all kinds. If ``content`` is None, the reader accepts any content.
+    takes : names of the options that apply to this reader, out of ``layer`` and ``height_scale``.
     """
 
     read: Callable[[Path, Request], Footprints | Grid]
@@ -134,8 +136,18 @@ def check_size(name: str, height: int, width: int) -> None:
         raise MapError(
             f"{name}: {height} × {width} pixels are too many",
             f"at most {MAX_SIDE} pixels per side and {MAX_PIXELS // 10**6} million in all",
-            f"cut a smaller window, or choose larger pixels, with {keyword('pixels')} and "
-            f"{keyword('metres_per_pixel')} for footprints or with gdal_translate for a raster",
+            f"choose a smaller window or larger pixels: for footprints with {keyword('pixels')} "
+            f"and {keyword('metres_per_pixel')}, for a raster with gdal_translate",
+        )
+
+
+def refuse_center(request: Request, name: str) -> None:
+    """Raise `MapError` if a center is given for the file ``name``, which has no place on Earth."""
+    if request.center is not None:
+        raise MapError(
+            f"{name} has no place on Earth, so {keyword('center', request.center)} cannot apply",
+            f"a file with a place on Earth, or a call without {keyword('center')}",
+            f"leave {keyword('center')} out to use a window around the middle of the map",
         )
 
 

@@ -29,14 +29,12 @@ from evocity.io.projection import (
     local_metres,
     transform_points,
 )
-from evocity.io.reader_types import Grid, Request, check_size, north_up
+from evocity.io.reader_types import Grid, Request, check_size, north_up, refuse_center
 
 
 def map_of_grid(grid: Grid, request: Request, name: str) -> CityMap:
-    """Lay the window of ``request``, or the whole raster, on square pixels in metres.
-
-    Raises `MapError` where it lies beyond its reference system.
-    """
+    """Lay the window of ``request``, or the whole raster, on square pixels in metres. Raises
+    `MapError` where it lies beyond its reference system."""
     if grid.crs is None:
         return _map_in_metres(grid, request, name)
     with placement_errors(name):
@@ -52,7 +50,7 @@ def placement_errors(name: str) -> Iterator[None]:
     except (CPLE_BaseError, RasterioError, ProjError, ArithmeticError, ValueError) as error:
         raise MapError(
             f"{name}: its pixels cannot be placed on the ground ({str(error)[:200]})",
-            "a transform and a reference system that fit each other",
+            "a geotransform that is valid in the reference system of the file",
             "repair the file's georeference, for example with gdal_edit",
         ) from error
 
@@ -97,15 +95,10 @@ def _map_in_metres(grid: Grid, request: Request, name: str) -> CityMap:
     if side is None:
         raise MapError(
             f"{name} does not record the size of its pixels",
-            f"{keyword('metres_per_pixel')}, the side of a pixel in metres",
+            f"{keyword('metres_per_pixel')} with the side of a pixel in metres",
             f"give the size, for example {keyword('metres_per_pixel', 2.0)}",
         )
-    if request.center is not None:
-        raise MapError(
-            f"{name} has no place on Earth, so {keyword('center', request.center)} cannot apply",
-            f"a file with a reference system; otherwise no {keyword('center')}",
-            f"leave {keyword('center')} out: {keyword('pixels')} cuts around the middle",
-        )
+    refuse_center(request, name)
     rows, columns = grid.heights.shape
     pixels = request.pixels
     heights = grid.heights
@@ -170,9 +163,9 @@ def _resample(
     grid: Grid, request: Request, center: tuple[float, float], crs: CRS, side: float, name: str
 ):
     """Lay the window on new pixels of ``side`` metres in ``crs``: its heights and corner."""
-    source_crs, target_crs = (rasterio.crs.CRS.from_wkt(c.to_wkt()) for c in (grid.crs, crs))
     edges = array_bounds(*grid.heights.shape, grid.transform)
-    west, south, east, north = transform_bounds(source_crs, target_crs, *edges)
+    systems = _rasterio_crs(grid.crs), _rasterio_crs(crs)
+    west, south, east, north = transform_bounds(*systems, *edges)
     if request.pixels is None:
         rows, columns = max(1, round((north - south) / side)), max(1, round((east - west) / side))
         left, top = west, north
@@ -192,17 +185,30 @@ def _resample(
                 f"{north - south:.0f} × {east - west:.0f} m",
             )
     check_size(name, rows, columns)
-    heights = np.zeros((rows, columns), dtype=np.float32)
+    heights = resample_onto(grid, (rows, columns), (left, top), side, crs)
+    return heights, (left, top)
+
+
+def resample_onto(
+    grid: Grid, shape: tuple[int, int], corner: tuple[float, float], side: float, crs: CRS
+) -> np.ndarray:
+    """Lay ``grid`` on ``shape`` pixels of ``side`` metres, with their north-west ``corner`` in
+    ``crs``: float32, 0 outside the grid."""
+    values = np.zeros(shape, np.float32)
     reproject(
-        grid.heights,
-        heights,
+        grid.heights.astype(np.float32, copy=False),
+        values,
         src_transform=grid.transform,
-        src_crs=source_crs,
-        dst_transform=north_up(left, top, side),
-        dst_crs=target_crs,
+        src_crs=_rasterio_crs(grid.crs),
+        dst_transform=north_up(*corner, side),
+        dst_crs=_rasterio_crs(crs),
         resampling=Resampling.nearest,
     )
-    return heights, (left, top)
+    return values
+
+
+def _rasterio_crs(crs: CRS) -> rasterio.crs.CRS:
+    return rasterio.crs.CRS.from_wkt(crs.to_wkt())
 
 
 def _at(transform: Affine, column: float, row: float) -> tuple[float, float]:
@@ -219,5 +225,5 @@ def _too_large(name: str, window: str, raster: str) -> MapError:
         f"{name}: a window of {window} reaches beyond the raster",
         f"a window inside the raster, which has {raster}",
         f"use fewer {keyword('pixels')}, a smaller {keyword('metres_per_pixel')}, or a "
-        f"{keyword('center')} further inside",
+        f"{keyword('center')} nearer to the middle of the raster",
     )

@@ -11,9 +11,10 @@ import rasterio
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from evocity.citymap import CityMap
+from evocity.io.geotiff_seal import SEAL, UNSEALED, seal
 from evocity.io.raster import PIXEL_TAG
-from evocity.io.raster_bands import WindowSource, bands
 from evocity.io.reader_types import north_up
+from evocity.io.writers import WindowSource, bands
 from evocity.pictures.field import Field
 
 # Side of the tiles of a file that is written by windows, px, and GDAL's cache, bytes.
@@ -50,8 +51,8 @@ def write_windows_geotiff(
 def _band(
     about: CityMap | WindowSource, title: str, unit: str, path: Path, **layout
 ) -> Iterator[rasterio.io.DatasetWriter]:
-    """Open a GeoTIFF of one float32 band, with the description of a map, for writing. Raises
-    OSError where the library cannot write."""
+    """Open a GeoTIFF of one float32 band, with the description of a map, for writing; seal it at
+    the end. Raises OSError where the library cannot write."""
     side = about.metres_per_pixel
     left, top = about.origin or (0.0, about.shape[0] * side)
     try:
@@ -80,10 +81,12 @@ def _band(
                 ATTRIBUTION=about.attribution,
                 TIFFTAG_COPYRIGHT=_ascii(about.attribution),
                 TIFFTAG_SOFTWARE="evocity",
+                **{SEAL: UNSEALED},
                 **({} if about.crs else {PIXEL_TAG: repr(side)}),
             )
     except RasterioError as error:
         raise OSError(str(error)) from error
+    seal(path)
 
 
 def _ascii(text: str) -> str:

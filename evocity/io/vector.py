@@ -1,8 +1,5 @@
-"""Reader of footprints in GeoPackage and Shapefile, by GDAL.
-
-`reader_types.content_of` checks the kind of content before GDAL opens a file, so that GDAL never
-opens a virtual format under another name, which may point to the network.
-"""
+"""Reader of footprints in GeoPackage and Shapefile, by GDAL, after `reader_types.content_of` has
+checked the content: a virtual format under another name may point to the network."""
 
 import math
 import re
@@ -71,7 +68,7 @@ def _check_whole(path: Path) -> None:
     if len(head) < 28 or whole > size:
         raise MapError(
             f"{path.name} is cut off: it has {size} bytes",
-            f"{whole} bytes, as its header says",
+            f"a file of {whole} bytes, as the header of the file says",
             "copy or download the file again",
         )
 
@@ -111,7 +108,9 @@ def _choose_layer(path: Path, requested: str | None) -> str:
         if len(candidates) == 1:
             return candidates[0]
         if candidates:
-            raise _layer_error(path, f"{len(candidates)} layers that may have them", candidates)
+            raise _layer_error(
+                path, f"{len(candidates)} layers that may hold buildings", candidates
+            )
     raise _layer_error(path, "no layer of polygons", names)
 
 

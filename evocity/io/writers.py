@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from PIL import Image, PngImagePlugin
@@ -14,13 +14,35 @@ from PIL import Image, PngImagePlugin
 from evocity.citymap import CityMap, Walls
 from evocity.errors import MapError, keyword
 from evocity.files import whole_file
-from evocity.io.raster_bands import WindowSource, bands
-from evocity.pictures.field import Field, Shares
-from evocity.pictures.leaves import CLOSEST, Leaves, render_leaves
-from evocity.pictures.picture import render, render_field, render_shares
+from evocity.pictures.field import Faces, Field, Leaves, Shares
+from evocity.pictures.picture import (
+    CLOSEST,
+    render,
+    render_faces,
+    render_field,
+    render_leaves,
+    render_shares,
+)
 
 # The least side of the map in a picture, pixels.
 _PICTURE_SIDE = 768
+# Rows of a band, as of the tiles of a GeoTIFF.
+_ROWS = 256
+
+
+class WindowSource(Protocol):
+    """A map that may be too large for memory, and gives windows of itself."""
+
+    shape: tuple[int, int]
+    metres_per_pixel: float
+    name: str
+    attribution: str
+    origin: tuple[float, float] | None
+    crs: str | None
+
+    def window(self, top: int, left: int, height: int, width: int) -> np.ndarray:
+        """Compute float32 ``(height, width)``, metres, from pixel (top, left) on."""
+        ...
 
 
 def write_map(
@@ -34,42 +56,44 @@ def write_map(
 ) -> None:
     """Write a map; the suffix of ``path`` chooses the format.
 
-    ``.tif``: float32 heights with reference system, pixel size and attribution. Reading the file
-    gives the same heights bit for bit. ``.png``: a picture with the attribution and a colour scale
-    in metres. ``.npy``: only the array, metres.
+    A ``.tif`` file holds float32 heights with reference system, pixel size and attribution. Reading
+    a ``.tif`` file restores the same heights bit for bit. A ``.png`` file is a picture with the
+    attribution and a colour scale in metres. A ``.npy`` file holds only the array, metres.
 
-    ``.gpkg``, ``.geojson``: footprints, one polygon for each building of `CityMap.buildings`.
-    Courtyards are holes. The columns are ``id`` (the building's label there), ``height`` (m, the
-    mean of its pixels) and ``area`` (m²). The file also holds the attribution.
+    A ``.gpkg`` or ``.geojson`` file holds one polygon for each building of `CityMap.buildings`;
+    courtyards are holes. The columns are ``id`` (label of the building), ``height`` (mean of its
+    pixels, m) and ``area`` (m²). A file of polygons contains the attribution of the map.
 
-    The polygons have the straight walls of `CityMap.walls`, and form a valid coverage. With
-    ``raw``, they follow the edges of the pixels (`CityMap.outline`). Reading such a file with the
-    same ``pixels`` and ``metres_per_pixel`` restores the pixels; each has the height of its
-    building.
+    The polygons have the straight walls of `CityMap.walls`, and form a valid coverage. With the
+    option ``raw``, the polygons follow the edges of the pixels (`CityMap.outline`). If you read a
+    ``raw`` file with the same ``pixels`` and ``metres_per_pixel``, each pixel gets the height of
+    its building.
 
-    A GeoPackage has one layer, ``buildings``, in the map's reference system. For a map without a
-    place on Earth, coordinates are metres from its south-west corner; GIS then show an undefined
-    Cartesian system. GeoJSON is in longitude and latitude (RFC 7946).
+    A GeoPackage has one layer, ``buildings``, in the map's reference system. Without a place on
+    Earth, coordinates are metres from the map's south-west corner. For coordinates without a place
+    on Earth, GIS programs show an undefined Cartesian system. GeoJSON is in longitude and latitude
+    (RFC 7946).
 
-    ``streets``, only in ``.gpkg``: whether to write `CityMap.street_graph` too. It becomes the
-    layers ``street_edges`` (with the nodes u and v, length, width and kind), ``street_nodes`` and
-    ``places``. Each building then has its ``quarter``.
+    The option ``streets``, only for ``.gpkg``, adds `CityMap.street_graph` to the file. The street
+    graph becomes the layers ``street_edges`` (with the nodes u and v, length, width and kind),
+    ``street_nodes`` and ``places``. With ``streets``, each building also has a column ``quarter``.
 
-    ``walls``, only in ``.gpkg``: straight walls from `CityMap.walled` in place of `CityMap.walls`.
-    ``columns``: further columns of the polygons, by name.
+    The option ``walls``, only for ``.gpkg``, writes walls from `CityMap.walled` instead of
+    `CityMap.walls`. The option ``columns`` maps the names of additional columns of the polygons to
+    their values.
 
     Raises
     ------
-    MapError : the suffix is unknown, the folder is missing, or the file cannot be written. Or
-        ``streets`` is given for another format. Or GeoJSON is asked for a map without a place on
-        Earth, or across the 180th meridian. After an error no partial file remains, and a previous
-        file stays.
+    MapError : the suffix is unknown, the folder is missing, or the file cannot be written. The
+        options ``streets`` and ``walls`` raise MapError for a format other than ``.gpkg``. GeoJSON
+        of a map without a place on Earth, or across the 180th meridian, raises MapError. After an
+        error, no partial file remains, and an existing file stays unchanged.
     """
     writers = WRITERS | RAW_WRITERS if raw else WRITERS
     if raw and walls is not None:
         raise MapError(
-            "raw outlines and walls= are both given",
-            "only one of the two",
+            "raw outlines and the parameter walls= are both given",
+            "either raw outlines or the parameter walls=",
             f"leave {keyword('raw')} out",
         )
     if streets or walls is not None:
@@ -77,7 +101,7 @@ def write_map(
         if suffix in writers and suffix != ".gpkg":
             raise MapError(
                 f"{Path(path).name}: {what} cannot go into a {suffix} file",
-                "a .gpkg, which has several layers",
+                "a .gpkg file, because a GeoPackage can have several layers",
                 f"write a .gpkg, or leave {what} out",
             )
         write = functools.partial(writers[".gpkg"], streets=streets, walls=walls, columns=columns)
@@ -88,8 +112,9 @@ def write_map(
 def write_field(field: Field, path: str | os.PathLike) -> None:
     """Write values on the grid of a city; the suffix of ``path`` chooses the format.
 
-    ``.tif``: float32 values with title, unit, reference system and attribution. ``.png``: a picture
-    with a colour scale. ``.npy``: only the array. Raises the errors of `write_map`.
+    A ``.tif`` file holds float32 values with title, unit, reference system and attribution. A
+    ``.png`` file is a picture with a colour scale. A ``.npy`` file holds only the array. Raises the
+    same errors as `write_map`.
     """
     _write(field, path, FIELD_WRITERS)
 
@@ -98,16 +123,22 @@ def write_shares(shares: Shares, path: str | os.PathLike) -> None:
     """Write the shares of several parts in each pixel of a city; the suffix of ``path`` chooses the
     format.
 
-    ``.png``: a picture with one hue for each part. ``.npy``: only the array ``(H, W, n)``. Raises
-    the errors of `write_map`.
+    A ``.png`` file is a picture with one hue for each part. A ``.npy`` file holds only the array
+    ``(H, W, n)``. Raises the same errors as `write_map`.
     """
     _write(shares, path, SHARES_WRITERS)
 
 
 def write_leaves(leaves: Leaves, path: str | os.PathLike) -> None:
-    """Write a picture of a map with the borders of its range blocks, ``.png``. Raises the errors of
-    `write_map`."""
+    """Write a picture of a map with the borders of its range blocks, as ``.png``. Raises the same
+    errors as `write_map`."""
     _write(leaves, path, LEAVES_WRITERS)
+
+
+def write_faces(faces: Faces, path: str | os.PathLike) -> None:
+    """Write a picture of a map with the faces between its streets, as ``.png``. Raises the same
+    errors as `write_map`."""
+    _write(faces, path, FACES_WRITERS)
 
 
 def write_windows(
@@ -115,16 +146,30 @@ def write_windows(
     path: str | os.PathLike,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Write a map of any size, a band of rows at a time. The suffix of ``path`` chooses the format.
+    """Write a map of any size, in bands of rows. The suffix of ``path`` chooses the format.
 
-    ``.tif``: a tiled GeoTIFF as from `write_map`, or a BigTIFF if needed. ``.npy``: only the array.
-    The function ``progress`` is called with (done, total) rows. Raises the errors of `write_map`.
+    A ``.tif`` file is a tiled GeoTIFF with the contents that `write_map` gives; a very large map
+    becomes a BigTIFF. A ``.npy`` file holds only the array. The function ``progress`` is called
+    with two numbers: the finished rows and all rows. Raises the same errors as `write_map`.
     """
     writers = {
         suffix: functools.partial(write, progress=progress)
         for suffix, write in WINDOW_WRITERS.items()
     }
     _write(what, path, writers)
+
+
+def bands(
+    what: WindowSource, progress: Callable[[int, int], None] | None = None
+) -> Iterator[tuple[int, np.ndarray]]:
+    """Yield the map from north to south, as (first row, heights) of bands of its width; calls
+    ``progress`` with (done, total), rows."""
+    height, width = what.shape
+    for top in range(0, height, _ROWS):
+        rows = min(_ROWS, height - top)
+        yield top, what.window(top, 0, rows, width)
+        if progress is not None:
+            progress(top + rows, height)
 
 
 def _write(what: object, path: str | os.PathLike, writers: dict[str, Callable]) -> None:
@@ -196,9 +241,9 @@ def _write_png(city: CityMap, path: Path) -> None:
     save_picture(render(city, zoom=_picture_zoom(city)), city, city.name, path)
 
 
-def _write_titled_png(draw: Callable, what: Field | Shares | Leaves, path: Path) -> None:
+def _write_titled_png(draw: Callable, what: Field | Shares | Leaves | Faces, path: Path) -> None:
     city = what.city
-    least = CLOSEST if isinstance(what, Leaves) else 1
+    least = CLOSEST if isinstance(what, Leaves | Faces) else 1
     picture = draw(what, zoom=max(least, _picture_zoom(city)))
     save_picture(picture, city, f"{city.name}: {what.title}", path)
 
@@ -259,3 +304,6 @@ SHARES_WRITERS = {
 
 #: Writers of range blocks.
 LEAVES_WRITERS = {".png": functools.partial(_write_titled_png, render_leaves)}
+
+#: Writers of faces between streets.
+FACES_WRITERS = {".png": functools.partial(_write_titled_png, render_faces)}

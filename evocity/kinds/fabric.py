@@ -1,6 +1,7 @@
 """The kind of fabrics: a city as an iterated function system, a `Genome`."""
 
 from collections.abc import Mapping, Sequence
+from operator import attrgetter
 from pathlib import Path
 from typing import ClassVar
 
@@ -46,30 +47,25 @@ class Fabric(Kind):
         return [*((name, pa.list_(_type(name))) for name in FIELDS), (SIDE, pa.list_(pa.int16()))]
 
     def columns(self, genomes: Sequence[Genome | None], header) -> dict[str, pa.Array]:
-        def column(name: str, of, size=None) -> pa.Array:
-            rows = [None if genome is None else of(genome) for genome in genomes]
-            return lists(rows, FIELDS[name].dtype if name in FIELDS else np.dtype(np.int16), size)
+        def column(of, dtype: np.dtype, size=None) -> pa.Array:
+            return lists(
+                [None if genome is None else of(genome) for genome in genomes], dtype, size
+            )
 
+        getters = {name: attrgetter(name) for name in FIELDS}
         if header.block is None:
-            columns = {
-                name: column(name, lambda genome, name=name: getattr(genome, name))
-                for name in FIELDS
-            }
-            return columns | {SIDE: column(SIDE, lambda genome: genome.pavement.side)}
+            columns = {name: column(of, FIELDS[name].dtype) for name, of in getters.items()}
+            return columns | {SIDE: column(attrgetter("pavement.side"), np.dtype(np.int16))}
         count = len(Pavement(header.height, header.width, header.block))
-        getters = {name: lambda genome, name=name: getattr(genome, name) for name in _OLDER}
         getters["source"] = lambda genome: _lifs(genome.source, header)
-        return {name: column(name, of, count) for name, of in getters.items()}
+        return {name: column(getters[name], FIELDS[name].dtype, count) for name in _OLDER}
 
     def genome(self, row, header, locked: Condensation | None, made: Mapping) -> Genome:
         older = header.block is not None
         names = [name for name in (_OLDER if older else FIELDS) if name in row]
         arrays = {name: array_of(row[name].values) for name in names}
-        if older:
-            pavement = Pavement(header.height, header.width, header.block)
-        else:
-            sides = array_of(row[SIDE].values)
-            pavement = Pavement(header.height, header.width, sides)
+        sides = header.block if older else array_of(row[SIDE].values)
+        pavement = Pavement(header.height, header.width, sides)
         if "source" not in arrays:
             arrays |= _own_ancestry(pavement)
         elif older:

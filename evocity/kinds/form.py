@@ -3,7 +3,7 @@
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from hashlib import blake2b
 from typing import ClassVar, Self
 
@@ -13,10 +13,10 @@ import pyarrow as pa
 from evocity.citymap import CityMap
 from evocity.columns import column_of
 from evocity.errors import GenomeError
-from evocity.genome.writer import write_described
+from evocity.genome.writer import FORM_KEY, write_described
 
 #: Of a file: the metadata key of a form's description, the version, and the description's keys.
-ABOUT, VERSION = b"evocity.form", 1
+ABOUT, VERSION = FORM_KEY, 1
 DESCRIBED = ("pixels", "metres_per_pixel", "name", "attribution", "origin", "crs")
 #: The height of shapes and curves on their maps, metres: as high as a house, to be visible.
 WALL = 9.0
@@ -26,9 +26,13 @@ WALL = 9.0
 class Form:
     """A chromosome in a square window of ``pixels`` of ``metres_per_pixel``.
 
-    name : its name. attribution : the lines that its sources' licences ask for. origin : (x, y) of
-    the window's north-west corner in ``crs``, None for a window without a place on Earth. made :
-    its provenance. Immutable; computed values are cached, and are not sent to other processes.
+    name : name of the form.
+    attribution : credit lines that the licences of its sources require.
+    origin : (x, y) of the window's north-west corner in the reference system ``crs``; None for a
+        window without a place on Earth.
+    made : provenance of the form.
+
+    A form is immutable. Caches of computed values are not sent to other processes.
     """
 
     #: The name of its kind in `evocity.kinds.KINDS`.
@@ -51,10 +55,8 @@ class Form:
         return hash(self.digest)
 
     def __reduce__(self):
-        return _rebuild, (
-            type(self),
-            {each.name: getattr(self, each.name) for each in fields(self)},
-        )
+        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        return partial(type(self), **values), ()
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
@@ -118,7 +120,3 @@ class Form:
             for name, array in arrays.items()
         }
         write_described(pa.table(columns), ABOUT.decode(), about, path)
-
-
-def _rebuild(kind: type[Form], values: dict) -> Form:
-    return kind(**values)

@@ -7,40 +7,68 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 
+from evocity.citymap import MAX_PIXELS
 from evocity.columns import array_of
 from evocity.condensation import Condensation
-from evocity.errors import GenomeError
-from evocity.genome import FIELDS, Genome
+from evocity.errors import GenomeError, spell
+from evocity.genome import FIELDS, Genome, read_genome
+from evocity.genome.reader import DAMAGE, changed_error, genome_in, open_chromosome
 from evocity.kinds.curve_form import CurveForm, flatten_details, split_details
 from evocity.kinds.form import ABOUT, DESCRIBED, VERSION, Form
 from evocity.kinds.shape_form import ShapeForm
 from evocity.kinds.site_form import Site
 from evocity.pavement import Pavement
+from evocity.sealed_parquet import ChangedFileError
 
 
-def is_form(path: str | os.PathLike) -> bool:
-    """Tell whether a file is a form's."""
+def read_chromosome(path: str | os.PathLike) -> Genome | Form:
+    """Read the chromosome of a file, of any kind. Raises `GenomeError`, or `ShapeError`."""
     try:
-        return ABOUT in (pq.read_schema(path).metadata or {})
-    except (OSError, pa.ArrowInvalid):
-        return False
+        with open_chromosome(path) as file:
+            if ABOUT in (file.schema_arrow.metadata or {}):
+                return _form_in(file, path)
+            return genome_in(file, Path(path))
+    except DAMAGE:
+        return read_genome(path)  # describes the damage
 
 
 def read_form(path: str | os.PathLike) -> Form:
     """Read the form of a file. Raises `GenomeError`, or `ShapeError`, for other files."""
     try:
-        table = pq.read_table(path)
-        about = json.loads(table.schema.metadata[ABOUT])
+        with open_chromosome(path) as file:
+            return _form_in(file, path)
+    except ChangedFileError as error:
+        raise changed_error(path, error) from None
+    except DAMAGE as error:
+        raise _not_form(path, error) from None
+
+
+def _not_form(path: str | os.PathLike, error: BaseException) -> GenomeError:
+    return GenomeError(
+        f"{path} cannot be read as a shape, a curve or a site ({type(error).__name__}: "
+        f"{str(error)[:200]})",
+        "a Parquet file that evocity wrote for a shape, a curve or a site",
+        "name another file, or restore this file from a copy",
+    )
+
+
+def _form_in(file: pq.ParquetFile, path: str | os.PathLike) -> Form:
+    try:
+        about = json.loads(file.schema_arrow.metadata[ABOUT])
         if about["version"] != VERSION:
             raise GenomeError(
-                f"{Path(path).name}: the file has version {about['version']} of forms, which is "
-                "unknown",
-                f"version {VERSION}",
-                "update evocity",
+                f"{Path(path).name} has the unknown file version {spell(about['version'])}",
+                f"a file of a shape, a curve or a site, with the version {VERSION}",
+                "update evocity, or write the file again",
             )
+        size = file.metadata
+        groups = map(size.row_group, range(size.num_row_groups))
+        columns = [group.column(k) for group in groups for k in range(group.num_columns)]
+        if size.num_rows != 1 or any(column.num_values > MAX_PIXELS for column in columns):
+            raise ValueError(f"{size.num_rows} rows, or too many values")
+        table = file.read()
         arrays = {
             name: array_of(table[name].combine_chunks()[0].values) for name in table.column_names
         }
@@ -50,19 +78,8 @@ def read_form(path: str | os.PathLike) -> Form:
         if about["kind"] == "site":
             return _site(arrays, about, common)
         return form_of(about["kind"], arrays, common)
-    except (
-        OSError,
-        pa.ArrowException,
-        LookupError,
-        TypeError,
-        ValueError,
-        AttributeError,
-    ) as error:
-        raise GenomeError(
-            f"{path} cannot be read as a form ({type(error).__name__}: {error})",
-            "a Parquet file of a shape, a curve or a site, written by evocity",
-            "name another file, or restore a copy",
-        ) from None
+    except DAMAGE as error:
+        raise _not_form(path, error) from None
 
 
 def form_of(kind: str, arrays: Mapping[str, np.ndarray], common: Mapping) -> Form:

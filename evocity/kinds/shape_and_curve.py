@@ -28,17 +28,9 @@ class FormKind(Kind):
     name: str
     ancestry_columns = ()
 
-    @property
-    def subjects(self) -> tuple[str, ...]:
-        return ("city", self.name)
-
-    @property
-    def factors(self) -> tuple[str, ...]:
-        return (self.name,)
-
-    @property
-    def sources(self) -> tuple[str, ...]:
-        return (self.name,)
+    def __init_subclass__(cls) -> None:
+        cls.subjects = ("city", cls.name)
+        cls.factors = cls.sources = (cls.name,)
 
     def fields(self, header) -> list[tuple[str, pa.DataType]]:
         return [
@@ -139,9 +131,9 @@ def read_as(kind: type[Form], path: Path) -> Form:
     form = read_form(path)
     if not isinstance(form, kind):
         raise GenomeError(
-            f"{path} is a {form.kind}",
-            f"a {kind.kind}, as in the run",
-            f"name a file of a {kind.kind}",
+            f"the file {path} holds a {form.kind}",
+            f"the file of a {kind.kind}, because the run breeds {kind.kind}s",
+            f"name the file of a {kind.kind}",
         )
     return form
 

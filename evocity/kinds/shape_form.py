@@ -41,11 +41,11 @@ class ShapeForm(Form):
         """Lay a ``shape`` of the plane in the middle of the window, as large as fits. Raises
         `GenomeError` for a shape of space, or with a restricted language."""
         if shape.size != 2 or shape.language != type(shape.language).every(len(shape)):
-            problem = "is a shape of space" if shape.size != 2 else "has a restricted language"
+            problem = "is three-dimensional" if shape.size != 2 else "has a restricted language"
             raise GenomeError(
-                f"the shape {name} {problem}",
-                "a shape of the plane with the language of all words",
-                "choose another shape, for example sierpinski or koch",
+                f"the shape {name}".rstrip() + f" {problem}",
+                "a two-dimensional shape that applies its affine maps in every order",
+                "choose another shape, such as sierpinski or koch",
             )
         low, high = shape.box
         scale = (1 - 2 * _MARGIN) / max(float((high - low).max()), 1e-300)

@@ -10,7 +10,7 @@ from evocity.errors import MapError
 
 def read_line(path: Path, name: str) -> tuple[np.ndarray, bool]:
     """Read the line of a GeoJSON file, as `line_in`; ``name`` is the file's in messages."""
-    from evocity.formats.geojson_lines import read_document
+    from evocity.formats.geojson_lines import read_document  # the room loads shapely
 
     return _single_line(read_document(path, name), name)
 
@@ -34,8 +34,8 @@ def _single_line(document: dict, name: str) -> tuple[np.ndarray, bool]:
     if len(lines) != 1:
         raise MapError(
             f"{name} has {len(lines) or 'no'} line{'s' * (len(lines) != 1)}",
-            "exactly one LineString",
-            "join the parts of the line, and leave all other lines out",
+            "a file with exactly one LineString",
+            "join the parts of the line, and remove all other lines",
         )
     (points,) = lines
     degrees = document.get("window") is not True
@@ -43,13 +43,12 @@ def _single_line(document: dict, name: str) -> tuple[np.ndarray, bool]:
     if (np.abs(points) > bound).any():
         raise MapError(
             f"{name}: a point of the line is out of range",
-            '[longitude, latitude]; or metres, with "window": true next to "type"',
-            "correct the point",
+            'points as [longitude, latitude], or in metres with "window": true next to "type"',
+            "correct the coordinates of the line",
         )
     if len(points) < 2:
-        raise MapError(
-            f"{name}: the line has only one point", "at least two points", "draw the line again"
-        )
+        found = f"{name}: the line has only one point"
+        raise MapError(found, "a line of at least two points", "draw the line again")
     return points, degrees
 
 
@@ -68,9 +67,9 @@ def place_line(
         return line
     if origin is None or crs is None:
         raise MapError(
-            f"{name} is in degrees, but the window has no place on Earth",
-            'metres in the window, with "window": true',
-            "convert the line to metres",
+            f"{name} has points in degrees, but the window has no place on Earth",
+            'points in metres from the corner of the window, with "window": true in the file',
+            "convert the points of the line to metres",
         )
     import pyproj
 

@@ -1,6 +1,6 @@
 """Displays in a notebook: static HTML, escaped, without script, at most 150 kB each.
 
-`html_of` finds the display of an object; `maps`, `genomes`, `runs` and `views` fill the templates.
+`html_of` finds the display of an object; `maps`, `runs` and `views` fill the templates.
 """
 
 from collections.abc import Callable
@@ -13,8 +13,7 @@ from evocity.analysis.view import View
 from evocity.citymap import CityMap
 from evocity.errors import EvocityError
 from evocity.genome import Genome
-from evocity.notebook.genomes import genome_html
-from evocity.notebook.maps import map_html
+from evocity.notebook.maps import genome_html, map_html
 from evocity.notebook.runs import (
     archive_html,
     individual_html,

@@ -5,7 +5,9 @@ from pathlib import Path
 from PIL import Image
 
 from evocity.citymap import CityMap
+from evocity.coding import decode
 from evocity.fitness import fsi, gsi
+from evocity.genome import VOID, Genome
 from evocity.pictures import render
 from evocity.templates import data_uri, number, templates_of
 
@@ -21,8 +23,7 @@ def page(template: str, **values: object) -> str:
 
 
 def fit_picture(picture: Image.Image, largest: int = LARGEST, most: int = _MOST) -> tuple[str, int]:
-    """Shrink a picture until its ``data:`` address has at most ``most`` characters; return the
-    address and the width in px."""
+    """Shrink a picture to at most ``most`` characters; return its address and the width in px."""
     while True:
         small = picture.copy()
         small.thumbnail((largest, largest), Image.Resampling.BOX)
@@ -38,25 +39,21 @@ def map_picture(city: CityMap) -> tuple[str, int]:
 
 
 def map_html(city: CityMap) -> str:
-    """Return a `CityMap` as HTML."""
     uri, width = map_picture(city)
     alt, facts, credit = alt_of(city), facts_of(city), city.attribution
     return page("map.html", uri=uri, width=width, alt=alt, facts=facts, credit=credit)
 
 
 def alt_of(city: CityMap) -> str:
-    """Return the alternative text of a map's picture."""
     return f"map of heights of {city.name}, north up, {extent_of(city)}"
 
 
 def extent_of(city: CityMap) -> str:
-    """Return width and height of a map in metres."""
     height, width = (side * city.metres_per_pixel for side in city.shape)
     return f"{width:.4g} × {height:.4g} m"
 
 
 def facts_of(city: CityMap) -> list[tuple[str, str]]:
-    """Return names and values of a map's numbers."""
     height, width = city.shape
     facts = [
         ("size", f"{height} × {width} px of {city.metres_per_pixel:g} m, {extent_of(city)}"),
@@ -66,3 +63,47 @@ def facts_of(city: CityMap) -> list[tuple[str, str]]:
         ("highest", number(float(city.heights.max(initial=0)), "m")),
     ]
     return [*facts, ("lies in", city.crs)] if len(city.crs or "") in range(1, 40) else facts
+
+
+# Pixels of a map that is decoded for a display, at most; a larger one shows only its code.
+_MOST_PIXELS = 1 << 22
+
+
+def genome_html(genome: Genome) -> str:
+    pavement, city = genome.pavement, None
+    if pavement.height * pavement.width <= _MOST_PIXELS:
+        city = decode(genome).city
+    uri, width = map_picture(city) if city else ("", 0)
+    return page(
+        "genome.html",
+        uri=uri,
+        width=width,
+        title=" × ".join(genome.cities),
+        alt=f"decoded {alt_of(city)}" if city else "",
+        facts=_facts(genome),
+        shares=stone_of(genome),
+        credit=genome.attribution,
+    )
+
+
+def _facts(genome: Genome) -> list[tuple[str, str]]:
+    p = genome.pavement
+    sides = f"{p.finest} to {p.coarsest}" if p.finest != p.coarsest else f"{p.finest}"
+    facts = [
+        ("lifs", f"{len(genome)}, {float(genome.uniform.mean()):.0%} of them uniform"),
+        ("range blocks", f"{sides} px"),
+        ("map", f"{p.height} × {p.width} px of {genome.metres_per_pixel:g} m"),
+        ("roofs", "settled" if genome.settle else "as decoded"),
+    ]
+    if genome.condensation is not None:
+        facts.append(("locked", f"{genome.condensation.mask.mean():.0%} of the pixels"))
+    if "operator" in genome.made:
+        facts.append(("made by", str(genome.made["operator"])))
+    return [*facts, ("digest", genome.digest[:12])]
+
+
+def stone_of(genome: Genome) -> list[tuple[str, str]]:
+    """Return source city -> share of the map that is its stone, for people; without traces."""
+    pairs = zip(genome.cities, genome.shares, strict=True)
+    named = [("bare ground" if name == VOID else name, share) for name, share in pairs]
+    return [(name, f"{share:.0%}") for name, share in named if share >= 0.005]

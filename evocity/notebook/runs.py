@@ -12,8 +12,7 @@ from evocity.citymap import CityMap
 from evocity.errors import RunError
 from evocity.fitness import Measure
 from evocity.genome import VOID
-from evocity.notebook.genomes import stone_of
-from evocity.notebook.maps import alt_of, fit_picture, map_picture, page
+from evocity.notebook.maps import alt_of, fit_picture, map_picture, page, stone_of
 from evocity.pictures import render
 from evocity.pictures.colours import scale_end
 from evocity.recipe.measures import FitnessEntry
@@ -30,7 +29,6 @@ _MOST_ENTRIES, _MOST_ROWS, _MOST_TEXT, _MOST_ERROR = 40, 20, 20_000, 300
 
 
 def recipe_html(recipe: Recipe) -> str:
-    """Return a `Recipe` as HTML."""
     run, window, parents = recipe.run, recipe.map, recipe.parents
     facts = [
         ("cities", " × ".join(one.title or one.place for one in parents)),
@@ -125,7 +123,6 @@ def individual_html(one: Individual) -> str:
 
 
 def shortlist_html(shortlist: Shortlist) -> str:
-    """Return a `Shortlist` as HTML: each entry with its map, its role and its reasons."""
     cities = [one.individual.city for one in shortlist[:_MOST]]
     highest = scale_end(*cities)
     entries = []

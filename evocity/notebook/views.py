@@ -46,7 +46,7 @@ def view_html(view: View) -> str:
     return page(
         "view.html",
         title=f"run {view.run.name}",
-        count=f"{len(ids)} of {len(view.table)} births pass, {len(chosen)} chosen",
+        count=f"{len(ids)} of {len(view.table)} births pass the filter, {len(chosen)} chosen",
         by=column.name,
         lines=fit_picture(_axes(axes, turned, kept), _WIDE, _LETTERS)[0] if axes else "",
         alt=f"parallel coordinates of {', '.join(one.name for one in axes)}",

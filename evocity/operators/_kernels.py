@@ -37,10 +37,7 @@ def inject(current, brought, owner, donor, size, block, rows, columns, tolerance
 
     Changes ``current`` (pixels) and ``owner`` (blocks) in place. Returns the owned blocks.
     """
-    owned = 0
-    for value in owner.ravel():
-        if value == donor:
-            owned += 1
+    owned = np.count_nonzero(owner == donor)
     for k in range(rows.size):
         if owned >= least:
             break
@@ -55,20 +52,16 @@ def inject(current, brought, owner, donor, size, block, rows, columns, tolerance
         y, x, side = top * block, left * block, size * block
         if outline_difference(current, brought, y, x, side, side) > tolerance:
             continue
-        for i in range(y, y + side):
-            for j in range(x, x + side):
-                current[i, j] = brought[i, j]
-        for i in range(top, top + size):
-            for j in range(left, left + size):
-                owner[i, j] = donor
+        current[y : y + side, x : x + side] = brought[y : y + side, x : x + side]
+        owner[top : top + size, left : left + size] = donor
         owned += gained
     return owned
 
 
 @kernel
 def outline_sides(group):
-    """List the outer sides of a ``group`` of blocks ``(2, g)`` (rows, columns, 0 or more), ``(3,
-    s)``: row, column, and direction of a side: 0 north, 1 south, 2 west, 3 east."""
+    """List the outer sides of a ``group`` of blocks ``(2, g)``, rows and columns, as ``(3, s)``:
+    row, column, and direction: 0 north, 1 south, 2 west, 3 east."""
     count = group.shape[1]
     inside = np.zeros((group[0].max() + 3, group[1].max() + 3), np.bool_)
     for g in range(count):
@@ -101,12 +94,8 @@ def outline_step(current, brought, columns, theirs, sides, start, end, most):
     total, count = 0.0, 0
     for k in range(sides.shape[1]):
         i, j, facing = sides[0, k] + end[0], sides[1, k] + end[1], sides[2, k]
-        if (
-            (facing == 0 and i == 0)
-            or (facing == 1 and i == last_row)
-            or (facing == 2 and j == 0)
-            or (facing == 3 and j == last_column)
-        ):
+        y, x = i + (facing == 1) - (facing == 0), j + (facing == 3) - (facing == 2)
+        if not (0 <= y <= last_row and 0 <= x <= last_column):
             continue
         here = i * columns + j
         there = (sides[0, k] + start[0]) * theirs + sides[1, k] + start[1]
@@ -231,14 +220,8 @@ def _room(blocks, components, buildings):
     components it brings, pixels hit of each building, and lists of these two."""
     region, inside = np.empty(blocks, np.int64), np.zeros(blocks, np.bool_)
     brought, hit = np.zeros(components, np.bool_), np.zeros(buildings, np.int64)
-    return (
-        region,
-        inside,
-        brought,
-        hit,
-        np.empty(buildings, np.int64),
-        np.empty(components, np.int64),
-    )
+    struck, fetched = np.empty(buildings, np.int64), np.empty(components, np.int64)
+    return region, inside, brought, hit, struck, fetched
 
 
 @kernel
@@ -312,12 +295,9 @@ def _grown(
     found, count, held, touched = _spread(
         seed, columns, owner, donor, components, buildings, standing, kept, cut, limit, room
     )
-    for k in range(count):
-        inside[region[k]] = False
-    for k in range(held):
-        brought[fetched[k]] = False
-    for k in range(touched):
-        hit[struck[k]] = 0
+    inside[region[:count]] = False
+    brought[fetched[:held]] = False
+    hit[struck[:touched]] = 0
     return (region[:count], held) if found <= limit else (region[:0], 0)
 
 
@@ -350,14 +330,8 @@ def inject_regions(
     place. Returns the number of owned blocks."""
     starts, labels, pixels = buildings.starts, buildings.labels, buildings.pixels
     blocks = owner.size
-    owned = 0
-    for value in owner:
-        if kin[value] == kin[donor]:
-            owned += 1
-    bare = True
-    for value in components.whose:
-        if value == donor:
-            bare = False
+    owned = np.count_nonzero(kin[owner] == kin[donor])
+    bare = not (components.whose == donor).any()
     seed = np.empty(size * size, np.int64)
     room = _room(blocks, components.whole.size, buildings.whole.size)
     here = np.zeros(2, np.int64)
@@ -375,19 +349,12 @@ def inject_regions(
         region, held = _grown(
             seed, columns, owner, donor, components, buildings, standing, kept, cut, limit, room
         )
-        gained = 0
-        for b in region:
-            gained += kin[owner[b]] != kin[donor]
+        gained = np.count_nonzero(kin[owner[region]] != kin[donor])
         if gained == 0 or owned + gained > most or (held == 0 and not bare):
             continue
-        group = np.empty((2, region.size), np.int64)
-        for k in range(region.size):
-            group[0, k], group[1, k] = divmod(region[k], columns)
-        sides = outline_sides(group)
-        if (
-            outline_step(current, brought, columns, columns, sides, here, here, tolerance)
-            > tolerance
-        ):
+        sides = outline_sides(np.stack((region // columns, region % columns)))
+        step = outline_step(current, brought, columns, columns, sides, here, here, tolerance)
+        if step > tolerance:
             continue
         for b in region:
             row = donor * blocks + b

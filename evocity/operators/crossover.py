@@ -10,13 +10,7 @@ from evocity.coding.decoding_cache import decoded
 from evocity.condensation import merged as merged_layers
 from evocity.errors import OperatorError
 from evocity.genome import Genome, Pieces, laid, merged
-from evocity.operators.parameters import (
-    Check,
-    check_generator,
-    check_parameters,
-    check_parents,
-    repair_checks,
-)
+from evocity.operators.parameters import Check, check_parameters, check_parents, repair_checks
 from evocity.operators.repair import collage_repair
 from evocity.pavement import Pavement
 
@@ -24,16 +18,8 @@ from evocity.pavement import Pavement
 def check_call(operator, parents: Sequence[Genome], rng: np.random.Generator) -> None:
     """Raise `OperatorError` unless the parents suit ``operator``, share map size and pixel size,
     and ``rng`` is a generator."""
-    name = operator.name
-    check_generator(name, rng)
-    check_parents(name, parents, operator.parents, "genomes")
-    strange = [type(parent).__name__ for parent in parents if not isinstance(parent, Genome)]
-    if strange:
-        raise OperatorError(
-            f"{name}: the parents have the type {', '.join(strange)}",
-            "genomes",
-            "encode the maps first: evocity.encode(city).genome",
-        )
+    remedy = "encode the maps first: evocity.encode(city).genome"
+    check_parents(operator, parents, rng, "genome", lambda item: isinstance(item, Genome), remedy)
     grids = dict.fromkeys(
         (parent.pavement.height, parent.pavement.width, parent.metres_per_pixel)
         for parent in parents
@@ -41,9 +27,9 @@ def check_call(operator, parents: Sequence[Genome], rng: np.random.Generator) ->
     if len(grids) > 1:
         sizes = (f"{height} × {width} px, {pixel:g} m" for height, width, pixel in grids)
         raise OperatorError(
-            f"{name}: the parents have different grids, {' and '.join(sizes)}",
+            f"{operator.name}: the parents have different grids, {' and '.join(sizes)}",
             "parents with the same number and size of pixels",
-            "read the maps with the same pixels and metres_per_pixel",
+            "read the maps of all parents with the same pixels and metres_per_pixel",
         )
 
 
@@ -64,11 +50,12 @@ def raw_heights(genome: Genome) -> np.ndarray:
 class Draft:
     """Draft of a child before collage repair.
 
-    genome : crossed lifs of the child.
-    intended : map that the operator intends, float32 ``(H, W)``, metres.
+    genome : genome of the child after crossover, before collage repair.
+    intended : heights that the operator intends, float32 ``(H, W)``, metres.
     made : description of the birth for the genome's ``made``, without the operator's name.
-    most : largest side to which adjacent range blocks merge if they continue each other, px. None
-        for the largest side of the parents.
+    most : largest side of range blocks, px, up to which repair merges adjacent blocks that continue
+        each other. If ``most`` is None, blocks merge up to the largest side of the parents' range
+        blocks.
     """
 
     genome: Genome
@@ -79,17 +66,17 @@ class Draft:
 
 @dataclass(frozen=True, kw_only=True)
 class Drafting:
-    """Operator that drafts its child and then repairs it, unless ``repair`` is None.
+    """Base class of operators that draft a child and then repair it.
 
-    A subclass is a frozen dataclass with ``name``, ``parents`` and its own parameters. Its method
-    ``_checks()`` returns their checks (see `check_parameters`). Its method ``_draft(parents, rng)``
-    returns a `Draft`.
+    A subclass is a frozen dataclass with the attributes ``name`` and ``parents``, and with its own
+    parameters. The method ``_checks()`` of a subclass returns checks of the subclass's parameters
+    (see `check_parameters`). The method ``_draft(parents, rng)`` of a subclass returns a `Draft`.
 
     Parameters
     ----------
-    repair : largest difference of a block from the intended map after decoding (root mean square,
-        metres). Blocks that differ more are matched again: a search gives them new lifs. None
-        repairs nothing, as in the papers, so the fabric crumbles as there.
+    repair : largest accepted difference of a decoded block from the intended map, metres (root mean
+        square). Blocks whose difference exceeds ``repair`` get new lifs. If ``repair`` is None, the
+        child is not repaired, and its fabric crumbles as in the papers.
     reach, domains : limits of the search for new domain blocks, as in `evocity.encode`.
     """
 
@@ -122,9 +109,10 @@ class Drafting:
         return child.replace(made=made)
 
     def draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
-        """Draft the child of a call: its genome before repair, and its intended map.
+        """Draft a child: its genome before repair, and its intended map.
 
-        Both contain the parents' condensations. Where several cover, the first wins.
+        The child contains the condensations of all parents. Where several condensations cover a
+        pixel, the condensation of the first parent wins.
         """
         check_call(self, parents, rng)
         layer = merged_layers(parent.condensation for parent in parents)

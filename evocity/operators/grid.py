@@ -40,12 +40,18 @@ def common_grid(name: str, parents: Sequence[Genome], largest: float = CELL) -> 
     first = pavements[0]
     if len(pavements) == 1 and first.uniform:
         return first
+    if not quartered(pavements):
+        refinement(name, pavements)  # raises without a refinement
+    sides = np.unique([side for p in pavements for side in p.levels])
+    within = sides[sides * parents[0].metres_per_pixel <= largest]
+    return Pavement(first.height, first.width, int(within.max(initial=sides.min())))
+
+
+def refinement(name: str, pavements: Sequence[Pavement]) -> Pavement:
+    """Find the common refinement of ``pavements``. Raises `OperatorError`, in the name of the
+    operator, where no refinement exists."""
     try:
-        if not quartered(pavements):
-            common_refinement(pavements)  # raises without a refinement
-        sides = np.unique([side for p in pavements for side in p.levels])
-        within = sides[sides * parents[0].metres_per_pixel <= largest]
-        return Pavement(first.height, first.width, int(within.max(initial=sides.min())))
+        return common_refinement(pavements)
     except GenomeError as error:
         raise OperatorError(f"{name}: {error.found}", error.expected, error.remedy) from None
 

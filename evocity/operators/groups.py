@@ -1,7 +1,7 @@
 """Groups of cells and their moves on one map; buildings that stand on cells."""
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -49,21 +49,8 @@ def cells(pavement: Pavement, side: int, rng: np.random.Generator) -> tuple[np.n
     return np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2), side
 
 
-class Rules(Protocol):
-    """Which moves of a group are admissible: parameters of an operator.
-
-    tolerance : the largest mean step along the outline, metres; None for any.
-    change : the map must change by more than this on average, metres.
-    choice : of so many admissible moves, in random order, the most seamless wins.
-    """
-
-    tolerance: float | None
-    change: float
-    choice: int
-
-
 def rule_checks() -> dict[str, Check]:
-    """Return the checks of `Rules`, for `check_parameters`."""
+    """Return the checks of the parameters that decide which moves of a group are admissible."""
     return {
         "tolerance": (lambda step: step is None or step >= 0, "0 m or more, or none for any"),
         "change": (lambda step: step >= 0, "0 m or more"),
@@ -133,8 +120,6 @@ class Rearrangement:
     A group is ``(2, g)`` cells, rows and columns from its corner; it moves from one corner to
     another (row, column), in cells.
 
-    Attributes
-    ----------
     grid : the cells, n of them of side B, see `common_grid`.
     blocks : float32 ``(n, B, B)``, the intended map, cut along the grid.
     genome : the parent with the domain blocks, and after `_lay` the lifs, that moves carried. Its
@@ -181,16 +166,17 @@ class Rearrangement:
         group: np.ndarray,
         starts: np.ndarray,
         ends: np.ndarray,
-        rules: Rules,
+        rules,
         *,
         exchanged: bool = False,
         isos: np.ndarray | None = None,
     ) -> int | None:
         """Find, among the moves from ``starts`` to ``ends`` (``(m, 2)``, or one corner for all),
-        the number of the move that `Rules` choose; None if no move is admissible.
+        the number of the best move; None if no move is admissible.
 
         Two ``exchanged`` places must both be admissible.
 
+        rules : the operator, with its ``tolerance``, ``change`` and ``choice`` (see `GeneCopy`).
         isos : ``(m,)``, the isometry of the group in each move, all from one start; None for none.
         """
         maps, columns, groups = self.blocks[None], [self.grid.columns], group[None]
@@ -254,7 +240,7 @@ class Rearrangement:
         draw: Callable[[], tuple[np.ndarray, np.ndarray]],
         count: int,
         rng: np.random.Generator,
-        rules: Rules,
+        rules,
         *,
         copied: bool = False,
         carried: bool = False,

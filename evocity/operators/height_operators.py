@@ -11,8 +11,8 @@ from evocity.citymap import STOREY
 from evocity.genome import Genome
 from evocity.operators.building_heights import Heights, height_checks
 from evocity.operators.crossover import Draft, Drafting
-from evocity.operators.fields import DIGITS, MOST_SIDE, field_weights
-from evocity.operators.parameters import SHARE, Check, at_fault
+from evocity.operators.lambda_field import DIGITS, check_values, field_checks, field_weights
+from evocity.operators.parameters import SHARE, Check
 
 _WHAT = ("buildings", "quarters")
 #: The largest factor.
@@ -23,40 +23,43 @@ _DRAWN = 0.625, 1.6
 
 @dataclass(frozen=True)
 class HeightScaling(Drafting):
-    """Raise and lower buildings by whole storeys. So the search can change the floor space.
+    """Raise and lower buildings by whole storeys, so that the search can change the floor space.
 
-    The operator draws buildings, or street blocks with all their buildings (`street_blocks`), and a
-    factor for each. The target of a building is its height times the factor. The building changes
-    by the whole number of storeys that brings it nearest to this target. The highest changes by at
-    least one storey.
+    The operator draws buildings, or street blocks with all their buildings, and draws a factor for
+    each of them. The target of a building is its height times the factor. Each building changes by
+    the whole number of storeys that brings it nearest to its target. In each drawn block, the
+    highest building changes by at least one storey.
 
-    Roofs keep their shape, and buildings their footprint. No building falls below one storey, and
-    neighbours of different height never become one building (`evocity.operators.storeys`). Crumbs,
-    which are components under 24 m², stay. A building with a pixel locked by a condensation also
-    stays, with its street block. If a drawn building or block cannot change, another is drawn in
-    its place.
+    Roofs keep their shape, and buildings keep their footprint. No building falls below one storey,
+    and neighbours of different height never become one building. Built components under 24 m² keep
+    their heights. If a condensation locks a building, the building keeps its height; with
+    "quarters", the whole street block keeps its heights. If a drawn building or block cannot
+    change, the operator draws another.
 
-    Results in ``made`` include the number of changed buildings. The results ``raised`` and
-    ``lowered`` are storeys summed over buildings: three buildings raised by two storeys each make
-    6. The result ``fsi_change`` is the floor space gained per unit of ground.
+    The child's ``made`` holds the number of changed ``buildings``, and the storeys ``raised`` and
+    ``lowered``, summed over buildings. The result ``fsi_change`` is the gain of floor space per
+    unit of ground.
 
-    The operator fits σ and β of lifs that show, or call, changed buildings to the new heights. σ
-    stays within its cap, and domain blocks stay. Collage repair then matches the blocks again that
-    still differ too much.
+    The operator fits σ and β to the new heights in each lifs whose range block or domain block
+    contains a changed building. Domain blocks stay. Collage repair finds new domain blocks for
+    range blocks that still differ too much from the intended map.
 
     Parameters
     ----------
-    what : "buildings", separated by gaps and steps (`CityMap.building_labels`), or "quarters",
-        which are street blocks.
-    share : share of the buildings, or of the street blocks, to draw, 0…1. At least one is drawn
-        unless the share is 0. The genome's ``made["scaled"]`` holds the number that changed.
-    factors : smallest and largest factor, 0.1…10. Factors are drawn evenly by their logarithm. (1,
-        1.6) only raises buildings.
-    storey : height of a storey, metres. The default 3 is also the storey of the measure ``fsi``.
-    highest : largest height to which buildings rise, metres. The default is 50 m, where French law
-        begins to call housing high-rise (Code de la construction, R146-3).
-    repair, reach, domains : as in `Drafting`. The intended map is the parent's decoded map with the
-        new heights.
+    what : objects to draw: "buildings", separated by gaps and steps (`CityMap.building_labels`), or
+        "quarters", which are street blocks.
+    share : share of the buildings, or of the street blocks, to draw, 0…1. The operator draws at
+        least one building or block, unless the share is 0; ``made["scaled"]`` holds the number of
+        changed buildings or blocks.
+    factors : smallest and largest factor, 0.1…10. Factors are drawn evenly by their logarithm. For
+        example, the factors (1, 1.6) only raise buildings.
+    storey : height of a storey, metres. By default, a storey is 3 m high, as in the measure
+        ``fsi``.
+    highest : largest height to which buildings rise, metres. By default, ``highest`` is 50 m, the
+        height at which French law begins to call housing high-rise (Code de la construction,
+        R146-3).
+    repair, reach, domains : parameters of collage repair, as in `Drafting`. The intended map is the
+        parent's decoded map with the new heights.
 
     Source: this operator comes from evocity, not from the papers.
     """
@@ -107,25 +110,25 @@ class HeightField(Drafting):
     """Raise and lower street blocks by whole storeys, according to a field of factors.
 
     The field has ``side`` × ``side`` factors, interpolated smoothly by their logarithms. The factor
-    of a street block is the mean of the field over the block. Each building of the block then has a
-    target: its height times this factor. The building changes by the whole number of storeys that
-    brings it nearest to its target. Changes below half a storey do not count. Factors of 1 return
-    the parent.
+    of a street block is the mean of the field over the block. The target of a building is its
+    height times the factor of its street block. Each building changes by the whole number of
+    storeys that brings it nearest to its target. A building keeps its height if the target differs
+    by less than half a storey. If all factors of the field are 1, the child equals the parent.
 
-    Buildings keep their footprints and the shape of their roofs. Locked buildings stay, as in
-    `HeightScaling`. If the values are given, nothing is drawn, so an optimiser can search the best
-    field (``evocity refine --way heights``).
+    Buildings keep their footprints and the shape of their roofs. Buildings that a condensation
+    locks keep their heights, as in `HeightScaling`. If ``values`` are given, the operator draws
+    nothing, so an optimiser can search the best field (``evocity refine --way heights``).
 
     Parameters
     ----------
     side : number of factors along each side of the field, 1…64.
-    values : factors of the field, 0.1…10, row by row from the north-west. None draws them within
-        0.625…1.6, evenly by their logarithm. Only four digits count.
-    storey, highest : as in `HeightScaling`.
-    repair, reach, domains : as in `Drafting`.
+    values : factors of the field, 0.1…10, row by row from the north-west, rounded to four digits.
+        If ``values`` is None, factors of 0.625…1.6 are drawn, evenly by their logarithm.
+    storey, highest : height of a storey and of the highest roof, as in `HeightScaling`.
+    repair, reach, domains : parameters of collage repair, as in `Drafting`.
 
-    Results in ``made`` are the ``values``, the number of ``scaled`` street blocks, and the entries
-    of `HeightScaling` for buildings and floor space.
+    The child's ``made`` holds the ``values``, the number of ``scaled`` street blocks, and the
+    results of `HeightScaling` for buildings and floor space.
 
     Source: this operator comes from evocity, not from the papers.
     """
@@ -140,22 +143,11 @@ class HeightField(Drafting):
     parents = (1, 1)
 
     def _checks(self) -> dict[str, Check]:
-        least, most = 1 / _MOST_FACTOR, _MOST_FACTOR
-        return {
-            "side": (lambda side: 1 <= side <= MOST_SIDE, f"1…{MOST_SIDE}"),
-            "values": (
-                lambda values: values is None or all(least <= value <= most for value in values),
-                f"numbers of {least:g}…{most:g}, or none",
-            ),
-            **height_checks(),
-        }
+        return {**field_checks(1 / _MOST_FACTOR, _MOST_FACTOR), **height_checks()}
 
     def check_count(self, count: int) -> None:
         """Raise `OperatorError` unless the number of ``values`` is right for the field."""
-        size = self.side**2
-        if self.values is not None and len(self.values) != size:
-            fault = f"{len(self.values)} numbers", f"{size}, {self.side} × {self.side}"
-            raise at_fault(self.name, {"values": fault})
+        check_values(self)
 
     def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
         (parent,) = parents

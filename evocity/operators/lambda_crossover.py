@@ -1,4 +1,4 @@
-"""λ crossover: every lifs between two parents' lifs, with its own λ."""
+"""λ crossover and interpolation: codes between the codes of two parents."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,13 +6,18 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from evocity.errors import GenomeError, OperatorError
+from evocity.coding.decode import CollageMap
+from evocity.coding.fixed_point import fixed_point
+from evocity.condensation import merged
+from evocity.errors import OperatorError, spell
 from evocity.genome import DOMAIN, FIELDS, Genome, descended, refined
 from evocity.operators.crossover import Draft, Drafting, assemble, raw_heights
-from evocity.operators.grid import common_grid, in_cells, side_checks
-from evocity.operators.parameters import SHARE, Check
-from evocity.pavement import Pavement, common_refinement
+from evocity.operators.grid import common_grid, in_cells, refinement, side_checks
+from evocity.operators.parameters import SHARE, Check, are_shares, at_fault
+from evocity.pavement import Pavement
 
+#: The iteration ends as in `decode`: with a step below this, metres.
+_TOLERANCE = 0.01
 #: The default size of the patches, metres.
 GRAIN = 64.0
 
@@ -21,18 +26,19 @@ GRAIN = 64.0
 class LambdaCrossover(Drafting):
     """Cross two parents by ω_i = λ_i·ω1_i + (1 − λ_i)·ω2_i, pseudo-convexly (Marsault 2002 §3.5).
 
-    The λ_i are drawn as a field over the map, so that neighbouring lifs stay together. Single draws
-    (``grain`` = 1) crumble into noise, as the papers say.
+    The weights λ_i are drawn as a field over the map, so that neighbouring lifs stay together. If
+    each λ_i is drawn separately (``grain`` = 1), the child crumbles into noise, as the papers say.
 
     Parameters
     ----------
-    share : mean of the λ_i, 0…1, which is the share of the first parent. 0 and 1 return a parent.
-    blend : width of the seam in which λ_i changes from 0 to 1, as a share of all lifs. 0 makes λ_i
-        either 0 or 1; 1 interpolates everywhere.
-    grain_side : size of the patches, metres; None for 64.
-    grain : the same size in range blocks, 1 or more, for uniform pavements. Deprecated.
-    repair, reach, domains : as in `PavementFusion`. The intended map is the mixture λ·A1 + (1 −
-        λ)·A2 of the parents' decoded maps.
+    share : share of the first parent in the child, 0…1, which is the mean of all λ_i. If ``share``
+        is 0 or 1, the child equals one of the parents.
+    blend : width of the seam in which λ_i changes from 0 to 1, as a share of all lifs, 0…1. A blend
+        of 0 makes each λ_i either 0 or 1; a blend of 1 interpolates everywhere.
+    grain_side : size of the patches, metres; by default 64 m.
+    grain : size of the patches in range blocks, 1 or more, for uniform pavements. Deprecated.
+    repair, reach, domains : parameters of collage repair, as in `PavementFusion`. The intended map
+        is the mixture λ·A1 + (1 − λ)·A2 of the parents' decoded maps.
     """
 
     share: float = 0.5
@@ -56,6 +62,94 @@ class LambdaCrossover(Drafting):
         metres = grain * grid.block * parents[0].metres_per_pixel
         made = {"share": self.share, "blend": self.blend, "grain_side": metres}
         return Draft(child, weight * first + (1 - weight) * second, made)
+
+
+@dataclass(frozen=True)
+class Interpolation(Drafting):
+    """Interpolate two codes pseudo-convexly, in one of two forms (Marsault 2002 §3.5, 2005 §2.2).
+
+    In the first form, each lifs is ω_i = λ_i·ω1_i + (1 − λ_i)·ω2_i, as in `LambdaCrossover`. The
+    range blocks of the parents are split until both parents have the same blocks. Without repair,
+    only large shapes survive, because a mixed lifs reads a domain block between the domain blocks
+    of its parents.
+
+    The stepwise form approximates the attractor of λ·W1(I) + (1 − λ)·W2(I), which mixes the two
+    decodings at every step. The stepwise form mixes no lifs, so the range blocks of the parents may
+    have different sides, for example 6 px and 4 px. The child has the first parent's pavement. The
+    child keeps lifs of the first parent that reproduce the stepwise attractor. Lifs that do not
+    reproduce the stepwise attractor keep their domain blocks and isometries, but get the best σ and
+    β. Collage repair finds new domain blocks for range blocks that still differ too much from the
+    intended map.
+
+    The papers give an image for the stepwise form, but no code. In the stepwise form, all lifs have
+    the ``parent`` and ``source`` of the first parent.
+
+    Parameters
+    ----------
+    share : share λ of the first parent, 0…1, or a share λ_i for each of its lifs. If ``share`` is
+        None, the operator draws one λ for all lifs. If all shares are 1 or all shares are 0, the
+        child is the first or the second parent, with the pavement of that parent.
+    stepwise : whether the operator uses the stepwise form.
+    repair, reach, domains : parameters of collage repair, as in `PavementFusion`. The intended map
+        is the mixture λ·A1 + (1 − λ)·A2 of the parents' decoded maps, or the stepwise attractor.
+    """
+
+    share: float | Sequence[float] | None = 0.5
+    stepwise: bool = False
+
+    name = "interpolation"
+    parents = (2, 2)
+
+    def _checks(self) -> dict[str, Check]:
+        return {"share": (are_shares, "0…1, a list of such, or none")}
+
+    def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
+        first, second = parents
+        share = float(rng.random()) if self.share is None else self.share
+        lambdas = self._lambdas(share, len(first))
+        made = {"share": round(float(lambdas.mean()), 4), "stepwise": self.stepwise}
+        weight = first.pavement.raster(lambdas.astype(np.float32))
+        pointers, common = descended(parents)
+        for parent, pointer, whole in zip(parents, pointers, (1, 0), strict=True):
+            if (lambdas == whole).all():
+                child = parent.replace(**pointer, **common)
+                return Draft(child, raw_heights(parent), made, parent.pavement.coarsest)
+        if not self.stepwise:
+            ours, theirs = (raw_heights(parent) for parent in parents)
+            grid = refinement(self.name, [first.pavement, second.pavement])
+            shares = lambdas[first.pavement.index[grid.corners]]
+            child = mix(refined(first, grid), refined(second, grid), shares, rng)
+            return Draft(child, weight * ours + (1 - weight) * theirs, made)
+        attractor = self._attractor(parents, weight)
+        child = _refit(first.replace(**pointers[0], **common), attractor)
+        return Draft(child, np.maximum(attractor, 0), made, first.pavement.coarsest)
+
+    def _lambdas(self, share: float | Sequence[float], count: int) -> np.ndarray:
+        """Give each of ``count`` lifs its λ."""
+        lambdas = np.asarray(share, float)
+        if lambdas.ndim and lambdas.size != count:
+            allowed = f"one number, or one for each of {count} lifs of the first parent"
+            raise at_fault(self.name, {"share": (spell(self.share), allowed)})
+        return np.broadcast_to(lambdas, count)
+
+    def _attractor(self, parents: Sequence[Genome], weight: np.ndarray) -> np.ndarray:
+        """Compute the fixed point of weight·W1 + (1 − weight)·W2, with both condensations."""
+        layer = merged(parent.condensation for parent in parents)
+        ours, theirs = (CollageMap(parent.replace(condensation=layer)) for parent in parents)
+        start = weight * ours.flat_start + (1 - weight) * theirs.flat_start
+
+        def lay(before: np.ndarray, after: np.ndarray) -> None:
+            after[:] = weight * ours(before) + (1 - weight) * theirs(before)
+
+        end = fixed_point(lay, start, tolerance=_TOLERANCE)
+        if end.diverged:
+            raise OperatorError(
+                f"{self.name}: the mixture of both decodings diverges; after {end.steps} steps "
+                f"a height changed by {np.nanmax(end.moves):.3g} m",
+                "parents in which nearly all lifs have a contrast σ with |σ| < 1",
+                "encode both parents with sigma_max below 1",
+            )
+        return end.values
 
 
 def lambda_field(
@@ -86,16 +180,13 @@ def interpolate(
 
     Where λ is 0 or 1 the lifs are a parent's, bit for bit. Elsewhere both parents' lifs split to
     the common refinement of range blocks and cells, and mix in pairs. σ and β mix convexly; so do
-    domain corners and extents, rounded to legal values. The isometry, whose group is not convex,
-    is the first's with the chance λ. A lifs without a domain block counts as σ = 0 on the other's
-    domain block. Provenance follows the larger λ, which stands in ``part``.
+    domain corners and extents, rounded to legal values. The isometry is the first's with the chance
+    λ. A lifs without a domain block counts as σ = 0 on the other's domain block. Provenance follows
+    the larger λ.
     """
     if not ((lambdas > 0) & (lambdas < 1)).any():
         return assemble(parents, np.where(lambdas >= 0.5, 0, 1), grid)
-    try:
-        common = common_refinement([grid, *(parent.pavement for parent in parents)])
-    except GenomeError as error:
-        raise OperatorError(f"{name}: {error.found}", error.expected, error.remedy) from None
+    common = refinement(name, [grid, *(parent.pavement for parent in parents)])
     top, left = common.corners
     return mix(
         *(refined(parent, common) for parent in parents), lambdas[grid.index[top, left]], rng
@@ -146,3 +237,22 @@ def _mix_fields(
         lone["ours"] | (~lone["theirs"] & (draws >= lambdas)), theirs["iso"], ours["iso"]
     )
     return mixed
+
+
+def _refit(genome: Genome, attractor: np.ndarray) -> Genome:
+    """Fit σ and β of those lifs that do not lay the ``attractor`` (H, W) within the tolerance of
+    decoding: least squares, \\|σ\\| capped inside the criterion."""
+    pavement, target = genome.pavement, attractor.astype(np.float64)
+    area = pavement.area
+    laid = CollageMap(genome)(attractor)
+    stray = pavement.sums((laid - target) ** 2) / area > _TOLERANCE**2
+    bare = CollageMap(genome.replace(condensation=None))  # domain blocks under the condensation too
+    read = bare.recoded(~genome.uniform, np.zeros(len(genome)))(attractor).astype(np.float64)
+    level, mean = pavement.sums(target) / area, pavement.sums(read) / area
+    relief = read - pavement.raster(mean)
+    energy, product = pavement.sums(relief**2), pavement.sums(relief * target)
+    cap = genome.sigma_max
+    slope = np.clip(product / np.where(energy > 0, energy, 1), -cap, cap)
+    sigma = np.where(stray, slope, genome.sigma)
+    beta = np.where(stray, level - slope * mean, genome.beta)
+    return genome.replace(sigma=sigma, beta=beta)

@@ -11,12 +11,16 @@ import numpy as np
 
 from evocity.genome import PROVENANCE, Genome
 from evocity.operators.crossover import Draft, Drafting, check_call
-from evocity.operators.fields import DIGITS, MOST_SIDE, field_weights
 from evocity.operators.grid import common_grid
 from evocity.operators.parameters import Check, at_fault
 from evocity.operators.quarter_fusion import filling_checks
 from evocity.operators.street_blocks import Filling, Fit
 from evocity.pavement import Pavement
+
+#: The most values along a side of a field.
+_MOST_SIDE = 64
+#: Digits after the point that values keep, so that the log has what was laid.
+DIGITS = 4
 
 #: Sets of parents in the cache of fits.
 _CACHED = 4
@@ -27,33 +31,35 @@ class LambdaField(Drafting):
     """Fill street blocks of the first parent with the fabric of other parents, according to fields
     of λ.
 
-    Each further parent has a field of ``side`` × ``side`` values, interpolated smoothly. A street
-    block of the first parent takes the other parent's fabric if the field reaches the block's
-    threshold. The thresholds of the blocks around a value are spread evenly between 0 and 1. The
-    block where the fabric fits best has the lowest threshold. So λ is the share of blocks that the
-    other parent fills, and each step of λ has an effect. If several parents reach a block, the
-    largest excess over the threshold wins. Values of 0 return the first parent.
+    Each parent but the first has a field of ``side`` × ``side`` values, interpolated smoothly. Each
+    street block has a threshold for each parent but the first, and takes the fabric of the parent
+    whose field reaches the threshold. If several fields reach their thresholds, the largest excess
+    wins. Around each value of a field, the thresholds of street blocks lie evenly between 0 and 1.
+    For each parent, the street block that the parent's fabric fits best has the lowest threshold.
+    The value λ of a field is therefore the share of street blocks that the field's parent fills. If
+    all values of the fields are 0, the child equals the first parent.
 
-    A block takes the other parent's fabric from the same place, if that is whole buildings and
-    differs from the block's own. Otherwise it takes the other parent's buildings from the place
-    where they fit best (`QuarterFusion`). In both cases the child cuts no building and keeps the
-    streets. Parents and values determine the child without random draws, so an optimiser can search
-    the best field (``evocity refine``).
+    A street block takes the other parent's fabric from the same place, if this fabric consists of
+    whole buildings and differs from the block's own fabric. Where the same place has no suitable
+    fabric, a block takes the buildings that fit best from elsewhere in the other parent, as in
+    `QuarterFusion`. The child cuts no building and keeps the streets of the first parent. Parents
+    and values determine the child without random draws, so an optimiser can search the best field
+    (``evocity refine``).
 
     Parameters
     ----------
     side : number of values along each side of a field, 1…64.
-    values : values of the fields, 0…1, row by row from the north-west. The fields are stored
-        one after another, for every parent but the first. None draws them evenly. Only four digits
-        count.
-    area_min, density, facades, repeats : as in `QuarterFusion`.
-    repair, reach, domains : as in `Drafting`.
+    values : values of the fields, 0…1, row by row from the north-west, field after field, with four
+        digits. If ``values`` is None, all values are drawn evenly between 0 and 1.
+    area_min, density, facades, repeats : rules for filling street blocks, as in `QuarterFusion`.
+    repair, reach, domains : parameters of collage repair, as in `Drafting`.
 
-    Results in ``made`` are the ``values`` and the number of filled ``street_blocks``. The result
-    ``filled_by`` is this number for each parent. The result ``in_place`` is the number of blocks
-    filled from their own place.
+    The child's ``made`` holds the ``values``, and the number of filled ``street_blocks``. The
+    result ``filled_by`` counts the filled blocks for each parent. The result ``in_place`` counts
+    the blocks whose new fabric comes from the same place.
 
-    Source: the λ_i of Marsault 2002 §3.5, for street blocks in place of lifs, because lifs crumble.
+    Source: the λ_i of Marsault 2002 §3.5, for street blocks instead of lifs, because single lifs
+    crumble.
     """
 
     side: int = 4
@@ -65,32 +71,20 @@ class LambdaField(Drafting):
 
     name = "lambda_field"
     parents = (2, None)
-    #: Bare ground of the void may be laid.
     lays_void: ClassVar[bool] = True
 
     def _checks(self) -> dict[str, Check]:
-        shared = filling_checks()
-        return {
-            "side": (lambda side: 1 <= side <= MOST_SIDE, f"1…{MOST_SIDE}"),
-            "values": (
-                lambda values: values is None or all(0 <= value <= 1 for value in values),
-                "numbers of 0…1, or none",
-            ),
-            **{key: shared[key] for key in ("area_min", "density", "facades", "repeats")},
-        }
+        return {**field_checks(0, 1), **filling_checks()}
 
     def check_count(self, count: int) -> None:
         """Raise `OperatorError` unless the number of ``values`` is right for ``count`` parents."""
-        size = (count - 1) * self.side**2
-        if self.values is not None and len(self.values) != size:
-            allowed = f"{size}, {self.side} × {self.side} for each parent but the first"
-            raise at_fault(self.name, {"values": (f"{len(self.values)} numbers", allowed)})
+        check_values(self, count - 1, " for each parent but the first")
 
     def choice(self, parents: Sequence[Genome]) -> np.ndarray:
         """Choose a parent for each street block that may be filled, int64 ``(n,)``; 0 keeps the
-        block's fabric. Fields with the same choice give the same child.
+        fabric of the block. If two fields choose the same parents, they give the same child.
 
-        Raises `OperatorError` if ``values`` are missing or their number is wrong.
+        Raises `OperatorError` if ``values`` are missing, or if their number is wrong.
         """
         check_call(self, parents, np.random.default_rng(0))
         if self.values is None:
@@ -217,3 +211,53 @@ def _thresholds(weights: np.ndarray, misfit: np.ndarray, able: np.ndarray) -> np
         order = among[np.argsort(misfit[among], kind="stable")]
         thresholds[order] = (np.arange(order.size) + 0.5) / order.size
     return thresholds
+
+
+def field_checks(least: float, most: float) -> dict[str, Check]:
+    """Return the checks of the parameters ``side`` and ``values`` of a field."""
+    return {
+        "side": (lambda side: 1 <= side <= _MOST_SIDE, f"1…{_MOST_SIDE}"),
+        "values": (
+            lambda values: values is None or all(least <= value <= most for value in values),
+            f"numbers of {least:g}…{most:g}, or none",
+        ),
+    }
+
+
+def check_values(operator, fields: int = 1, where: str = "") -> None:
+    """Raise `OperatorError` unless an ``operator`` has ``side`` × ``side`` values for each of its
+    ``fields``, or None."""
+    side, size = operator.side, fields * operator.side**2
+    if operator.values is not None and len(operator.values) != size:
+        fault = f"{len(operator.values)} numbers", f"{size}, {side} × {side}{where}"
+        raise at_fault(operator.name, {"values": fault})
+
+
+def field_weights(labels: np.ndarray, numbers: np.ndarray, side: int) -> np.ndarray:
+    """Compute the weight of each value of a field of ``side`` × ``side`` in each part of a map.
+
+    Values lie in the middle of equal squares of the map, linear in between, level beyond the
+    outermost.
+
+    labels : int ``(H, W)``, the part of each cell.
+    numbers : int ``(n,)``, the labels of the parts.
+
+    Returns float64 ``(n, side²)``, values row by row from the north-west; rows of sum 1.
+    """
+    rows, columns = (_linear(length, side) for length in labels.shape)
+    at = np.zeros(int(labels.max(initial=0)) + 1, np.int64)
+    at[numbers] = np.arange(1, numbers.size + 1)
+    of = at[labels]
+    weights = np.zeros((numbers.size, side * side))
+    for row in range(side):
+        for column in range(side):
+            weight = rows[:, row, None] * columns[None, :, column]
+            total = np.bincount(of.ravel(), weight.ravel(), numbers.size + 1)
+            weights[:, row * side + column] = total[1:]
+    return weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-300)
+
+
+def _linear(length: int, side: int) -> np.ndarray:
+    """Compute the weights of ``side`` values in each of ``length`` cells, ``(length, side)``."""
+    place = np.clip((np.arange(length) + 0.5) * side / length - 0.5, 0, side - 1)
+    return np.maximum(0, 1 - np.abs(place[:, None] - np.arange(side)))

@@ -18,25 +18,27 @@ _RATES = tuple(NUCLEOTIDES)
 
 @dataclass(frozen=True)
 class Mutation(Drafting):
-    """Change any nucleotide, each at its own rate (Marsault 2002 §4.1).
+    """Change nucleotides, each at its own rate (Marsault 2002 §4.1).
 
     Lifs mutate in square groups that share a random draw, so that a change is as large as a
     building.
 
     Parameters
     ----------
-    sigma, beta, x, y, dx, dy, iso : rate of each nucleotide, 0…1. It is the share of the groups in
-        which this nucleotide changes. Lifs without a domain block change only in β, and bare ground
-        stays.
-    group_side : side of a group, metres; None for 32. A lifs belongs to the group that contains
+    sigma, beta, x, y, dx, dy, iso : rate of each nucleotide, 0…1: the share of the groups in which
+        this nucleotide changes. If a lifs has no domain block, only its β changes; lifs of bare
+        ground do not change.
+    group_side : side of a group, metres; by default 32 m. A lifs belongs to the group that contains
         the middle of its range block.
-    group : the same side in range blocks, for uniform pavements; 1 mutates single lifs. Deprecated.
-    sigma_step : standard deviation of the change of σ; the result is cut at ±sigma_max.
+    group : side of a group in range blocks, for uniform pavements; 1 mutates single lifs.
+        Deprecated.
+    sigma_step : standard deviation of the change of σ; the new σ is cut at ±sigma_max.
     beta_step : standard deviation of the change of β, metres.
     move : largest change of a domain block's ``x`` or ``y``, px.
     stretch : largest change of a domain block's extent, in sides of the range block.
-    repair, reach, domains : as in `PavementFusion`. The intended map is one step of the mutated
-        code on the parent's decoded map, so that everything else stays.
+    repair, reach, domains : parameters of collage repair, as in `PavementFusion`. The intended map
+        is the parent's decoded map after one iteration of the mutated code, so everything else
+        stays the same.
     """
 
     sigma: float = 0.02

@@ -5,6 +5,7 @@ import typing
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from types import NoneType, UnionType
+from typing import Any
 
 import numpy as np
 from pydantic import ConfigDict, TypeAdapter, ValidationError
@@ -59,8 +60,8 @@ def number_of(kind: type, key: str) -> type[int] | type[float] | None:
 def check_parameters(operator, allowed: Mapping[str, Check]) -> None:
     """Raise one `OperatorError` with every parameter of wrong type or value; for ``__post_init__``.
 
-    ``allowed`` maps a parameter to its `Check`. Conditions see values of the right type, and
-    Python's numbers in place of NumPy's.
+    ``allowed`` maps a parameter to its `Check`; checks of parameters that the operator lacks do not
+    matter. Conditions see values of the right type, and Python's numbers in place of NumPy's.
     """
     parameters = vars(operator)
     for key, value in list(parameters.items()):
@@ -68,7 +69,7 @@ def check_parameters(operator, allowed: Mapping[str, Check]) -> None:
             object.__setattr__(operator, key, _plain(value))
     faults = wrong_types(type(operator), parameters)
     for key, (holds, words) in allowed.items():
-        if key not in faults and not _holds(holds, parameters[key]):
+        if key in parameters and key not in faults and not _holds(holds, parameters[key]):
             faults[key] = spell(parameters[key]), words
     if faults:
         raise at_fault(operator.name, faults)
@@ -78,30 +79,48 @@ def check_generator(name: str, rng: np.random.Generator) -> None:
     """Raise `OperatorError`, in the name of an operator, unless ``rng`` is a generator."""
     if not isinstance(rng, np.random.Generator):
         raise OperatorError(
-            f"{name}: rng = {spell(rng)}",
+            f"{name}: rng = {spell(rng)} is not a random generator",
             "a NumPy Generator",
-            "pass numpy.random.default_rng(seed)",
+            "pass rng=numpy.random.default_rng(seed)",
         )
 
 
-def check_parents(name: str, parents: object, bounds: tuple[int, int | None], of: str) -> None:
-    """Raise `OperatorError`, in the name of an operator, unless ``parents`` is a list of as many
-    individuals as its ``bounds`` (fewest, most) allow; ``of``: their plural, in words."""
+def check_parents(
+    operator,
+    parents: Sequence,
+    rng: np.random.Generator,
+    of: str,
+    suits: Callable[[Any], bool],
+    remedy: str,
+) -> None:
+    """Raise `OperatorError` unless ``rng`` is a generator, and ``parents`` is a list of as many
+    individuals as the ``operator`` takes, all of which it ``suits``.
+
+    of : the kind of individuals, in one word.
+    remedy : what to do about parents of another type.
+    """
+    name, (fewest, most) = operator.name, operator.parents
+    check_generator(name, rng)
     if not isinstance(parents, Sequence):
         raise OperatorError(
-            f"{name}: parents is a {type(parents).__name__}",
-            f"a list of {of}",
-            f"put the {of} in square brackets",
+            f"{name}: the parameter parents is not a list but a {type(parents).__name__}",
+            f"a list of {of}s",
+            f"put the {of}s in square brackets",
         )
-    fewest, most = bounds
     if len(parents) < fewest or len(parents) > (most or len(parents)):
-        number = (
-            f"{fewest}" if most == fewest else f"{fewest}…{most}" if most else f"{fewest} or more"
-        )
+        several = f"{fewest} to {most}" if most else f"{fewest} or more"
+        number = f"{fewest}" if most == fewest else several
         raise OperatorError(
             f"{name} received {len(parents)} parents",
-            f"{number} parents",
-            f"pass a list of {number} {of}",
+            f"a list of {number} parents",
+            f"pass a list of {number} {of}s",
+        )
+    strange = [type(parent).__name__ for parent in parents if not suits(parent)]
+    if strange:
+        raise OperatorError(
+            f"{name}: the parents have the type {', '.join(strange)}",
+            f"parents that are {of}s",
+            remedy,
         )
 
 

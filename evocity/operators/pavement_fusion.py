@@ -1,4 +1,4 @@
-"""Pavement fusion: macro-blocks of two or more parents, of falling size."""
+"""Pavement fusion, by macro-blocks of falling size, and direct fusion, lifs by lifs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ import numpy as np
 from evocity.citymap import MAX_SIDE
 from evocity.genome import NUCLEOTIDES, VOID, Genome, Pieces, laid, packed
 from evocity.operators._kernels import inject
-from evocity.operators.crossover import Draft, Drafting, raw_heights
+from evocity.operators.crossover import Draft, Drafting, assemble, raw_heights
 from evocity.operators.grid import common_grid, span_checks
 from evocity.operators.groups import macro_block_sides
 from evocity.operators.parameters import (
@@ -30,28 +30,30 @@ SMALLEST = 32.0
 class PavementFusion(Drafting):
     """Fuse two or more parents by square macro-blocks (Marsault 2002 §4.4, 2005 §2.3).
 
-    The parent with the largest share fills the map. Then each parent in turn injects macro-blocks
-    up to its share. After each turn the size falls by one cell, down to ``side_min``, and the
-    margin shrinks by a fifth. A macro-block is admissible if it fits the map made so far, including
-    earlier injections. Along its outline it differs from this map by at most ``tolerance`` metres
-    on average.
+    The parent with the largest share fills the map. Each parent with a smaller share injects
+    macro-blocks in turn, until it reaches its share. After a turn of all parents, macro-blocks
+    become one cell smaller, down to ``side_min``, and the margin shrinks by a fifth. A macro-block
+    is admissible if it fits the child's map after all earlier injections. Along its outline, a
+    macro-block may differ from the child's map by at most ``tolerance`` metres on average.
 
     Parameters
     ----------
-    side_min, side_max : smallest and largest side of the macro-blocks, metres; None for 32 and 128.
-    size_min, size_max : the same sides in range blocks, 1 or more, for uniform pavements.
-        Deprecated.
-    fill : share of the second of two parents, 0…1, or a share for each parent (and for the void, if
-        it takes part). These add up to 1. None gives equal shares. If few macro-blocks are
-        admissible, the result falls short; see ``made["fill_reached"]``.
+    side_min, side_max : smallest and largest side of macro-blocks, metres; by default 32 m and 128
+        m.
+    size_min, size_max : smallest and largest side of macro-blocks in range blocks, 1 or more, for
+        uniform pavements. Deprecated.
+    fill : share of the second of two parents, 0…1, or a list of shares that add up to 1. A list has
+        a share for each parent, and a last share for bare ground if ``void`` is true. If ``fill``
+        is None, all parents have equal shares. If few macro-blocks are admissible, a parent gets
+        less than its share; see ``made["fill_reached"]``.
     margin : allowed error of a share, 0…1.
-    tolerance : largest mean difference S along an outline, metres.
-    void : whether bare ground takes part as the last parent.
-    places : candidate corners ((down, along), metres from the north-west), which are tried in this
-        order at every size. None draws them.
-    positions : the same corners in range blocks (row, column). Deprecated.
-    repair, reach, domains : as in `Drafting`. The intended map is the map of the joined
-        macro-blocks.
+    tolerance : largest mean difference along an outline, metres, called S in the papers.
+    void : whether bare ground counts as an additional, last parent.
+    places : candidate corners ((down, along), metres from the north-west), which the operator tries
+        in this order at every size. If ``places`` is None, the operator draws the corners.
+    positions : candidate corners in range blocks (row, column). Deprecated.
+    repair, reach, domains : parameters of collage repair, as in `Drafting`. The intended map joins
+        the decoded macro-blocks of all parents.
     """
 
     side_min: float | None = None
@@ -159,6 +161,50 @@ class PavementFusion(Drafting):
         fits = (given >= 0).all(axis=1) & (given[:, 0] < high) & (given[:, 1] < wide)
         given = given[fits][:most]
         return given[:, 0].copy(), given[:, 1].copy()
+
+
+@dataclass(frozen=True)
+class DirectFusion(Drafting):
+    """Draw each lifs from one of two or more parents, independently of its neighbours (Marsault
+    2002 §4.2).
+
+    If pavements are adaptive, one draw chooses the parent of all lifs in a cell of 16 m.
+
+    Each draw ignores the heights and the surroundings of the lifs, so the fabric of the child
+    crumbles. If ``repair`` is None, this operator is the baseline of the papers, with "very bad
+    results". Collage repair restores every block as it was in its parent, but cannot join blocks to
+    buildings.
+
+    Parameters
+    ----------
+    fill : share of the second of two parents, 0…1, or a share for each parent; shares add up to 1.
+        If ``fill`` is None, all parents have equal shares. The share of a parent is the probability
+        that a lifs comes from this parent; ``made["fill_reached"]`` holds the resulting shares. If
+        a parent has the share 1, the child equals this parent.
+    repair, reach, domains : parameters of collage repair, as in `PavementFusion`. The intended map
+        has the decoded range blocks of the drawn parents, each at its place.
+    """
+
+    fill: float | Sequence[float] | None = None
+
+    name = "direct_fusion"
+    parents = (2, None)
+
+    def _checks(self) -> dict[str, Check]:
+        return {"fill": FILL}
+
+    def check_count(self, count: int) -> None:
+        """Raise `OperatorError` if ``fill`` does not suit ``count`` parents."""
+        shares_of(self.name, self.fill, count)
+
+    def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
+        grid = common_grid(self.name, parents, 16.0)
+        shares = shares_of(self.name, self.fill, len(parents))
+        ends = np.cumsum(shares) / shares.sum()
+        owner = np.searchsorted(ends, rng.random(len(grid)), side="right")
+        blocks = np.stack([grid.blocks(raw_heights(parent)) for parent in parents])
+        stitched = grid.raster(blocks[owner, np.arange(owner.size)])
+        return Draft(assemble(parents, owner, grid), stitched, fill_report(shares, owner))
 
 
 def share_bounds(share: float, margin: float, cells: int) -> tuple[float, float]:

@@ -38,42 +38,45 @@ def _begin_filling(operator, parents: Sequence[Genome]) -> Filling:
 
 @dataclass(frozen=True)
 class QuarterFusion(Drafting):
-    """Keep the first parent's streets, and fill its street blocks with buildings of the others.
+    """Keep the first parent's streets, and fill its street blocks with buildings of other parents.
 
-    Street blocks are drawn one after another. Each gets the buildings of another parent from the
-    place where they fit best, of all places and under all 8 isometries: much is built inside,
-    little on the outline, façades stand where façades stood (`street_blocks.best_place`). The
-    donor's built components that lie partly outside are left out whole, and the rest decides
-    between the isometries. So the child cuts no building and keeps the streets. Lifs and their
-    domain blocks move together. Bare ground, the void's, replaces omitted components.
+    Street blocks are drawn one after another. Each street block takes buildings of another parent
+    from the place where these buildings fit best, among all places and all 8 isometries. A place
+    fits well if much is built inside the block and little on its outline, and if façades stand
+    where façades stood (`street_blocks.best_place`). Built components of the donor that lie partly
+    outside the block are left out whole, so the child cuts no building. Bare ground replaces the
+    buildings that are left out. Lifs and their domain blocks move together.
 
-    A block keeps its buildings if too little would be built, if it is larger than the donor's
-    map, or if something in it is locked (condensation).
+    A street block keeps its buildings in three cases: too little would be built; the block is
+    larger than the donor's map; a condensation locks something in the block.
 
     Parameters
     ----------
-    fill : share of the map that gets the second parent's fabric, 0…1, or a share for each parent
-        (and the void, if it takes part), summing to 1; None for equal shares.
-        ``made["fill_reached"]`` holds the resulting shares.
+    fill : share of the map that the second parent fills, 0…1, or a list with the share of each
+        parent. The shares add up to 1; with ``void``, the list ends with the share of bare ground.
+        If ``fill`` is None, all parents have equal shares; ``made["fill_reached"]`` holds the
+        resulting shares.
     street_blocks : number of street blocks to fill, whatever their area; ``fill`` then gives the
-        parents' shares of them. None for as many as ``fill`` demands.
-    void : whether bare ground takes part as a last parent: squares in place of buildings.
-    area_min : smaller street blocks keep their buildings, m².
-    spread : under each isometry four places are drawn among those whose score is within this of
-        the best; the best of all after omission of partial components wins. 0 takes the best
-        place. Scores are shares of the block's area, at most 1.
-    density : a block keeps its buildings if the new ones would cover less than this share of the
-        old ones' area, 0 or more.
-    facades : the score, in shares of the block's area, of a block whose façades all stand at their
-        old places with nothing on the street before them, 0…10.
-    repeats : the discount of a built cell whose origin stands elsewhere on the map already, 0…1;
-        without it, what fits everywhere would win in time.
-    widened : metres that a filled block gives to the streets around it, rounded up to whole cells
-        (the side of the finest range blocks).
-    repair, reach, domains : as in `Drafting`.
+        parents' shares of this number. If ``street_blocks`` is None, the operator fills as many
+        blocks as ``fill`` demands.
+    void : whether bare ground counts as an additional, last parent, so that open squares replace
+        buildings.
+    area_min : smallest area of a street block to fill, m².
+    spread : the operator draws from places whose score is at most this much below the best score,
+        0…1. The operator draws four places under each isometry, leaves out buildings that the block
+        would cut, and takes the best place. If ``spread`` is 0, the operator takes the best place.
+        The score of a place is a share of the block's area.
+    density : smallest area of the new buildings, as a share of the old buildings' area, 0 or more.
+    facades : score for façades at the places of old façades, 0…10, as a share of the block's area.
+    repeats : discount on the score of a built cell that the map already shows elsewhere, 0…1.
+        Without the discount ``repeats``, fabric that fits everywhere would fill the whole map after
+        some generations.
+    widened : width that a filled block gives to the streets around it, metres, rounded up to whole
+        cells. A cell is as large as the smallest range block.
+    repair, reach, domains : parameters of collage repair, as in `Drafting`.
 
-    Source: ours, after the wish of Marsault 2002 §6.1 that operators keep the identity of
-    buildings.
+    Source: this operator comes from evocity. Marsault 2002 §6.1 wishes for operators that keep the
+    identity of buildings.
     """
 
     fill: float | Sequence[float] | None = None
@@ -88,7 +91,6 @@ class QuarterFusion(Drafting):
 
     name = "quarter_fusion"
     parents = (2, None)
-    #: Bare ground of the void may be laid.
     lays_void: ClassVar[bool] = True
 
     def _checks(self) -> dict[str, Check]:
@@ -137,22 +139,24 @@ def _fill_by_number(filling: Filling, drawn, shares, count: int, rng: np.random.
 
 @dataclass(frozen=True)
 class QuarterRefill(Drafting):
-    """Fill single street blocks of the first parent again, from anywhere in any parent.
+    """Fill a few street blocks of the first parent again, with buildings from anywhere in any
+    parent.
 
-    Each drawn street block gets the best fitting buildings of a parent drawn for it: the first
-    parent, from elsewhere on its map, or one of the others. In a search the source cities are among
-    these. All else is as in `QuarterFusion`, whose mutation this is.
+    Each drawn street block gets the best fitting buildings of one parent, which is drawn, too. The
+    first parent gives buildings from elsewhere on its map. In a search, the source cities are among
+    the parents. The operator is a mutation that fills street blocks as `QuarterFusion` does.
 
     Parameters
     ----------
-    street_blocks : number of street blocks to fill, 1 or more, as far as possible.
-        ``made["street_blocks"]`` holds the resulting number, ``made["filled_by"]`` the number for
-        each parent.
-    area_min, spread, density, facades, repeats, widened : as in `QuarterFusion`.
-    repair, reach, domains : as in `Drafting`.
+    street_blocks : number of street blocks to fill, 1 or more. The genome's
+        ``made["street_blocks"]`` holds the number of filled blocks, and ``made["filled_by"]`` holds
+        the number for each parent.
+    area_min, spread, density, facades, repeats, widened : rules for filling street blocks, as in
+        `QuarterFusion`.
+    repair, reach, domains : parameters of collage repair, as in `Drafting`.
 
-    Source: ours, after the wish of Marsault 2002 §6.1 that operators keep the identity of
-    buildings.
+    Source: this operator comes from evocity. Marsault 2002 §6.1 wishes for operators that keep the
+    identity of buildings.
     """
 
     street_blocks: int = 3
@@ -165,7 +169,6 @@ class QuarterRefill(Drafting):
 
     name = "quarter_refill"
     parents = (1, None)
-    #: Bare ground of the void may be laid.
     lays_void: ClassVar[bool] = True
     #: In a search the source cities are further parents, so none of their fabric is lost for good.
     takes_founders: ClassVar[bool] = True

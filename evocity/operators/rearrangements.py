@@ -51,26 +51,28 @@ class _GeneMoves(Drafting):
 class GeneCopy(_GeneMoves):
     """Copy genes to other places (Marsault 2002 §4.1).
 
-    Lifs are copied in square groups, so that a change is as large as a building. Genes stay
-    unchanged: a copy calls the same domain block as its model.
+    Lifs are copied in square groups, so that a change is as large as a building. Genes do not
+    change: a copied lifs reads the same domain block as the original lifs.
 
-    A model is admissible if it fits its new surroundings. Along its outline, it differs from the
-    fabric that its copy replaces by at most ``tolerance`` metres on average. Within, it differs by
-    more than ``change`` metres.
+    A model, that is, a group to copy, is admissible if it fits the surroundings of the copy. Along
+    its outline, the model differs by at most ``tolerance`` metres on average from the fabric that
+    its copy replaces. Inside the outline, the model differs from the replaced fabric by more than
+    ``change`` metres.
 
     Parameters
     ----------
-    rate : share of the groups that a copy replaces, 0…1. A group without an admissible model stays;
-        ``made["copied"]`` holds the number of copies.
-    group_side : side of a group, metres; None for 32.
-    group : the same side in range blocks, for uniform pavements; 1 copies single lifs. Deprecated.
-    tolerance : largest mean difference along the outline, metres; None for any.
-    change : mean difference that a copy must exceed within its group, metres. 0 excludes copies
-        that change nothing.
-    choice : number of admissible models to draw. The model with the least difference along the
-        outline is copied.
-    repair, reach, domains : as in `PavementFusion`. The intended map is the parent's decoded map
-        with the groups copied.
+    rate : share of the groups that a copy replaces, 0…1. A group without an admissible model does
+        not change; ``made["copied"]`` holds the number of copies.
+    group_side : side of a group, metres; by default 32 m.
+    group : side of a group in range blocks, for uniform pavements; 1 copies single lifs.
+        Deprecated.
+    tolerance : largest mean difference along the outline, metres; None allows any difference.
+    change : lower limit of the mean difference between a copy and the fabric that the copy
+        replaces, metres. If ``change`` is 0, the operator skips copies that change nothing.
+    choice : number of admissible models that the operator draws before it chooses the best, 1 or
+        more. The operator copies the drawn model with the least difference along the outline.
+    repair, reach, domains : parameters of collage repair, as in `PavementFusion`. The intended map
+        is the parent's decoded map with the groups copied.
     """
 
     name = "gene_copy"
@@ -91,23 +93,21 @@ class GeneCopy(_GeneMoves):
 class GeneExchange(_GeneMoves):
     """Exchange genes in pairs (Marsault 2002 §4.1).
 
-    Lifs are exchanged in square groups, so that a change is as large as a building. Each group
-    takes part at most once. Genes stay unchanged, so they call the same domain blocks as before.
-
-    Two groups are admissible if each fits its new surroundings. Along its outline, each differs
-    from the fabric that it replaces by at most ``tolerance`` metres on average. Within, it differs
-    by more than ``change`` metres.
+    Lifs are exchanged in square groups, so that a change is as large as a building. Each group is
+    exchanged at most once. Genes do not change, so each lifs reads the same domain block as before
+    the exchange. Two groups are admissible partners if each fits its new surroundings, as in
+    `GeneCopy`.
 
     Parameters
     ----------
-    rate : share of the groups that change places, 0…1. A group without an admissible partner stays;
-        ``made["exchanged"]`` holds the number of groups that changed places.
-    group_side : side of a group, metres; None for 32.
-    group : the same side in range blocks, for uniform pavements; 1 exchanges single lifs.
+    rate : share of the groups that change places, 0…1. A group without an admissible partner stays
+        at its place; ``made["exchanged"]`` holds the number of groups that changed places.
+    group_side : side of a group, metres; by default 32 m.
+    group : side of a group in range blocks, for uniform pavements; 1 exchanges single lifs.
         Deprecated.
-    tolerance, change, choice : as in `GeneCopy`, for partners in place of models.
-    repair, reach, domains : as in `PavementFusion`. The intended map is the parent's decoded map
-        with the groups exchanged.
+    tolerance, change, choice : rules for partners; `GeneCopy` explains these three parameters.
+    repair, reach, domains : parameters of collage repair, as in `PavementFusion`. The intended map
+        is the parent's decoded map with the groups exchanged.
     """
 
     name = "gene_exchange"
@@ -128,28 +128,25 @@ class GeneExchange(_GeneMoves):
 
 @dataclass(frozen=True)
 class BlockExchange(Drafting):
-    """Exchange two macro-blocks of one size, gene by gene (Marsault 2002 §4.1).
+    """Exchange two macro-blocks of the same size, gene by gene (Marsault 2002 §4.1).
 
-    Two macro-blocks are admissible if they do not overlap and each fits its new surroundings. Along
-    its outline, each differs from the fabric that it replaces by at most ``tolerance`` metres on
-    average. Within, it differs by more than ``change`` metres. Genes stay unchanged, so they call
-    the same domain blocks as before. (`Relocation` moves domain blocks too.)
+    Two macro-blocks are admissible partners if they do not overlap and each fits its new
+    surroundings, as in `GeneCopy`. Genes do not change, so each lifs reads the same domain block as
+    before the exchange. (The operator `Relocation`, in contrast, moves domain blocks together with
+    their lifs.)
 
     Parameters
     ----------
-    side_min, side_max : smallest and largest side of the macro-blocks, metres; sides are drawn
-        evenly between them. None for 16 and 64.
-    size_min, size_max : the same sides in range blocks, 1 or more, for uniform pavements.
-        Deprecated.
-    count : number of exchanges. A macro-block without an admissible partner is drawn again, at most
-        63 times. The genome's ``made["exchanged"]`` holds the number of exchanges made.
-    tolerance : largest mean difference along the outlines, metres; None for any.
-    change : mean difference that an exchange must exceed within the macro-blocks, metres. 0
-        excludes exchanges that change nothing.
-    choice : number of admissible partners to draw. The partner with the least difference along the
-        outlines is taken.
-    repair, reach, domains : as in `PavementFusion`. The intended map is the parent's decoded map
-        with the macro-blocks exchanged.
+    side_min, side_max : smallest and largest side of macro-blocks, metres; sides are drawn evenly
+        between these limits. By default, macro-blocks have sides from 16 m to 64 m.
+    size_min, size_max : smallest and largest side of macro-blocks in range blocks, 1 or more, for
+        uniform pavements. Deprecated.
+    count : number of exchanges, 1…1000. If a macro-block has no admissible partner, the operator
+        draws another macro-block, at most 63 times; ``made["exchanged"]`` holds the number of
+        exchanges.
+    tolerance, change, choice : rules for partners; `GeneCopy` explains these three parameters.
+    repair, reach, domains : parameters of collage repair, as in `PavementFusion`. The intended map
+        is the parent's decoded map with the macro-blocks exchanged.
     """
 
     side_min: float | None = None
@@ -178,34 +175,34 @@ class BlockExchange(Drafting):
 class Relocation(Drafting):
     """Move or copy groups of lifs to other places (Marsault 2005 §4.2).
 
-    A place is admissible if it does not overlap the group's own place. Along its outline, the group
-    differs from the fabric that it replaces by at most ``tolerance`` metres on average. Within, it
-    differs by more than ``change`` metres. Domain blocks wholly inside the group move and turn with
-    it; others stay.
+    A place is admissible if it does not overlap the group's own place, and if the group fits its
+    new surroundings, as in `GeneCopy`. Domain blocks wholly inside the group move and turn with it;
+    all other domain blocks stay.
 
     Parameters
     ----------
-    mode : "move" or "copy". "move" exchanges the two places: the replaced fabric moves to the
-        group's old place. Domain blocks inside either place move too, even if lifs elsewhere call
-        them. "copy" leaves the group at its old place too, and the replaced fabric is lost.
-    shape : "square" takes macro-blocks. "buildings" extends each macro-block over every building
-        that it would cut, and over the courts that these enclose, up to ``side_max``².
-    side_min, side_max : smallest and largest side of the macro-blocks, metres; sides are drawn
-        evenly between them. None for 32 and 128.
-    size_min, size_max : the same sides in range blocks, 1 or more, for uniform pavements.
-        Deprecated.
-    count : number of groups to relocate. A group without an admissible place is drawn again, at
-        most 63 times. The genome's ``made["relocated"]`` holds the number of groups relocated.
-    tolerance : largest mean difference along the outline, metres, at both places if they are
-        exchanged. None for any.
-    change : mean difference that a move must exceed within the group, metres. 0 excludes moves that
-        change nothing.
-    choice : number of admissible places to draw. The place with the least difference along the
-        outline is taken.
-    isometries : whether groups turn and mirror. Each place then has a drawn isometry of the 8. In
-        an exchange, the replaced fabric is turned back.
-    repair, reach, domains : as in `PavementFusion`. The intended map is the parent's decoded map
-        with the groups at their new places.
+    mode : kind of relocation: "move" or "copy". With "move", the operator exchanges two places, so
+        the replaced fabric goes to the group's old place. Domain blocks inside either of the two
+        places move, even if lifs elsewhere read them. With "copy", the group stays at its old
+        place, and the replaced fabric is lost.
+    shape : shape of the groups: "square" or "buildings". Squares are macro-blocks. With
+        "buildings", each macro-block is extended over every building that it would cut, and over
+        the courts that these buildings enclose, up to the area ``side_max``².
+    side_min, side_max : smallest and largest side of macro-blocks, metres; sides are drawn evenly
+        between these limits. By default, macro-blocks have sides from 32 m to 128 m.
+    size_min, size_max : smallest and largest side of macro-blocks in range blocks, 1 or more, for
+        uniform pavements. Deprecated.
+    count : number of groups to relocate, 1…1000. If a group has no admissible place, the operator
+        draws another group, at most 63 times; ``made["relocated"]`` holds the number of relocated
+        groups.
+    tolerance : largest mean difference along the outline, metres; None allows any difference. With
+        "move", the limit ``tolerance`` holds at both places that the operator exchanges.
+    change, choice : rules for new places; `GeneCopy` explains these two parameters.
+    isometries : whether the operator turns and mirrors each group by one of the 8 isometries. The
+        operator chooses the isometry at random for each place. With "move", the replaced fabric
+        turns in the opposite direction.
+    repair, reach, domains : parameters of collage repair, as in `PavementFusion`. The intended map
+        is the parent's decoded map with the groups at their new places.
     """
 
     mode: str = "move"

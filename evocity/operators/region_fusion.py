@@ -28,39 +28,43 @@ _AREA = 25_600.0
 class RegionFusion(PavementFusion):
     """Fuse parents by regions that follow the buildings (Marsault 2002 §6.2).
 
-    The operator works as `PavementFusion` does, but each macro-block grows before it is injected.
+    The operator works like `PavementFusion`, but each macro-block grows to a region before it is
+    injected.
 
-    - The region includes the donor's built components that it touches (`CityMap.labels` of the
-      decoded map). Adjacent buildings share range blocks, so they come together.
-    - The region includes standing buildings that it would cut too much (separated by gaps and
-      steps, `CityMap.buildings`), and the courts that these enclose.
-    - The region contains at least one component of the donor, if there is one.
+    - The region includes the donor's built components that the macro-block touches
+      (`CityMap.labels` of the decoded map). Adjacent buildings share range blocks, so they are
+      injected together.
+    - The region includes standing buildings (`CityMap.buildings`) that the region would cut too
+      much, and the courts that these buildings enclose.
+    - The region contains at least one built component of the donor, if the donor has any.
 
-    No later region cuts an injected building. The region replaces the building wholly, grows over
-    it, or is refused. At the end, cut buildings get back their lost parts if nothing is built in
-    their place.
+    No later region cuts an injected building: the region replaces the whole building, grows over
+    it, or is refused. At the end, buildings that were cut get back their lost parts where nothing
+    else is built.
 
     Parameters
     ----------
-    side_min, side_max : smallest and largest side of the macro-blocks that regions grow from,
-        metres. None for 32 and 96.
-    fill, margin, void, places : as in `PavementFusion`. Dense fabric has components as large as the
-        map, so it takes few regions; see ``made["fill_reached"]``.
-    tolerance : largest mean difference S along the outline of a region, metres.
-    cut : share of a standing building that regions may take away while the rest stays, 0…1. At each
-        size there are six rounds. The first round takes only regions that cut nothing. The other
-        rounds allow up to a fifth of ``cut``, two fifths, and so on to all of it. 0 leaves every
-        building of the child whole. 1 protects only injected buildings.
-    area_max : largest area of a region, m²; larger regions are refused. None for 25 600.
-    limit, size_min, size_max, positions : the same limits in range blocks, for uniform pavements.
-        Deprecated.
-    tries : number of macro-blocks that are tried at each size in each round of ``cut``; None tries
-        them all.
-    isometries : whether donors turn and mirror. At each size, one isometry is drawn of the 8, or of
-        the 4 that keep rows if the map is not square. This isometry turns the donor's whole map. So
-        a region brings another part of the donor, turned with its domain blocks. The parent that
-        fills the map stays unturned.
-    repair, reach, domains : as in `PavementFusion`.
+    side_min, side_max : smallest and largest side of the macro-blocks that grow to regions, metres.
+        By default, the macro-blocks have sides from 32 m to 96 m.
+    fill, margin, void, places : shares of parents and corners of macro-blocks, as in
+        `PavementFusion`. Dense fabric has components as large as the map, so few regions are
+        admissible; see ``made["fill_reached"]``.
+    tolerance : largest mean difference along the outline of a region, metres, called S in the
+        papers.
+    cut : share of a standing building, 0…1, that regions may take away while the rest of the
+        building stays. At each size there are six rounds, which allow 0, 20, 40, 60, 80 and 100 %
+        of the value of ``cut``. If ``cut`` is 0, every building of the child stays whole; if
+        ``cut`` is 1, only injected buildings are protected.
+    area_max : largest area of a region, m²; larger regions are refused. By default, a region has at
+        most 25 600 m².
+    limit, size_min, size_max, positions : limits of regions and macro-blocks in range blocks, for
+        uniform pavements. Deprecated.
+    tries : number of macro-blocks that the operator tries at each size in each round; None for all.
+    isometries : whether the operator turns and mirrors donors. At each size, the operator draws one
+        of the 8 isometries, which turns the donor's whole map with its domain blocks. On maps that
+        are not square, the operator draws one of the 4 isometries that keep rows. The operator
+        never turns the parent that fills the map.
+    repair, reach, domains : parameters of collage repair, as in `PavementFusion`.
     """
 
     tolerance: float = 12.0

@@ -42,27 +42,28 @@ def collage_repair(
     rounds: int = 3,
     clear: bool = False,
 ) -> tuple[Genome, int]:
-    """Match blocks of ``genome`` again if they differ from ``intended`` after decoding, before
-    roofs are made flat.
+    """Find new domain blocks for blocks of ``genome`` that, decoded without flat roofs, differ from
+    ``intended``.
 
-    Blocks of adaptive pavements that differ are split and matched in parts of 4 px. A part is split
-    again, down to the genome's smallest side, if no domain block explains it within the threshold.
+    In adaptive pavements, blocks that differ are split into parts of 4 px, and each part gets a new
+    domain block. If no domain block matches a part within the threshold, the part is split again,
+    down to the genome's smallest side.
 
     Parameters
     ----------
-    intended : heights that the operator intends, float32 ``(H, W)``, metres. The genome's
-        condensation replaces them where it covers.
+    intended : heights that the operator intends, float32 ``(H, W)``, metres. Where the genome has a
+        condensation, the heights of the condensation replace the intended heights.
     threshold : largest accepted difference of a block, root mean square, metres.
     reach, domains : limits of the search for new domain blocks, as in `evocity.encode`.
-    rounds : largest number of repairs. Several may be needed, because a repaired block can disturb
-        blocks that read it.
-    clear : whether range blocks in which ground would become built are lowered at the end.
+    rounds : largest number of repairs. Several repairs may be necessary, because a repaired block
+        can disturb the blocks that read it.
+    clear : whether to lower, at the end, range blocks in which open ground would become built.
 
     Returns
     -------
-    The repaired genome, and the number of replaced lifs. The genome is the same object if no block
-    differed. The ``parent`` and ``source`` of every lifs stay, because they name the origin of the
-    intended content.
+    The function returns the repaired genome, and the number of replaced lifs. If no block differed,
+    the function returns the same genome object. The fields ``parent`` and ``source`` of every lifs
+    do not change, because they name the origin of the intended content.
     """
     intended = np.ascontiguousarray(intended, np.float32)
     if genome.condensation is not None:
@@ -103,8 +104,7 @@ def _clear_ground(
     """Lower range blocks so that ground stays ground; ``heights`` approximate the decoded map.
 
     σ cannot stretch a domain block enough for a wall higher than any nearby. The ground before it
-    then rises above `BUILT_ABOVE`, and settled roofs would make a buttress of it. The roof behind
-    it can spare what β takes: settling brings it back.
+    then rises above `BUILT_ABOVE`. Settling brings back what β takes from the roof behind it.
     """
     ground = intended <= BUILT_ABOVE
     for _ in range(_ROUNDS):

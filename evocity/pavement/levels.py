@@ -13,7 +13,8 @@ USUAL = (2, 16)
 
 
 def halved_sides(finest: int, root: int) -> tuple[int, ...]:
-    """List the sides from ``root`` down to ``finest`` in px; each side is half the side before.
+    """List the sides of leaves in px, from ``root`` down to ``finest``; each side is half of the
+    side before.
 
     Raises `GenomeError` if no halving of ``root`` gives ``finest``, or if ``finest`` is below 2.
     """
@@ -22,16 +23,18 @@ def halved_sides(finest: int, root: int) -> tuple[int, ...]:
         sides.append(sides[-1] // 2)
     if finest < 2 or sides[-1] != finest:
         raise GenomeError(
-            f"leaves cannot have sides from {finest} to {root} px",
-            "a largest side whose halvings give the finest, 2 px or more: 2-16, 4-32, 3-12",
+            f"range blocks cannot have sides from {finest} to {root} px",
+            "a finest side of 2 px or more, and a largest side that is 2, 4, 8… times the finest "
+            "side",
             f"use for example 2-16, or {finest}-{4 * max(finest, 2)}",
         )
     return tuple(sides)
 
 
 def read_sides(text: str) -> int | tuple[int, int]:
-    """Read the side of range blocks in px, or the finest and the largest side of leaves: "4" or
-    "2-16". Raises `GenomeError` for any other text."""
+    """Read the side of range blocks in px, for example "4", or the finest and the largest side of
+    leaves, for example "2-16". Raises `GenomeError` for a text that is neither a number nor a pair
+    of numbers."""
     parts = text.strip().split("-")
     if len(parts) <= 2 and all(part.strip().isascii() and part.strip().isdigit() for part in parts):
         sides = tuple(int(part) for part in parts)
@@ -47,9 +50,9 @@ def read_sides(text: str) -> int | tuple[int, int]:
 
 
 def fitting_sides(height: int, width: int) -> tuple[int, int]:
-    """Fit the default sides of range blocks, 2 to 16 px, to a map of ``height`` × ``width`` px.
-    Return the finest side and the largest (the root). The root is below 16 if 16 does not divide
-    both sides of the map. Raises `GenomeError` if a side of the map is odd."""
+    """Choose the finest and the largest side of range blocks for a map of ``height`` × ``width``
+    px. The finest side of range blocks is 2 px. The largest side is 16 px, or less if 16 does not
+    divide both the height and the width. Raises `GenomeError` if the height or the width is odd."""
     finest, root = USUAL
     while root > finest and (height % root or width % root):
         root //= 2
@@ -58,15 +61,16 @@ def fitting_sides(height: int, width: int) -> tuple[int, int]:
             f"{side}" if side % 2 == 0 else f"{side - 1} or {side + 1}" for side in (height, width)
         ]
         raise GenomeError(
-            f"a map of {height} × {width} px cannot have leaves of {finest} px and more",
-            f"even sides: height {near[0]}, width {near[1]}",
-            "crop or read the map at this size, or encode it with one side that divides both",
+            f"a map of {height} × {width} px cannot have range blocks of {finest} px and more",
+            f"an even height and an even width: height {near[0]}, width {near[1]}",
+            "crop or read the map at this size, or encode it with one side of range blocks that "
+            "divides its height and width",
         )
     return finest, root
 
 
 def common_refinement(pavements: Sequence[Pavement]) -> Pavement:
-    """Find the coarsest pavement (division into range blocks) that refines each of the
+    """Find the coarsest pavement (division of a map into range blocks) that refines all
     ``pavements``.
 
     Raises `GenomeError` if two range blocks overlap and neither contains the other.
@@ -78,16 +82,22 @@ def common_refinement(pavements: Sequence[Pavement]) -> Pavement:
 
 
 def touched(where: np.ndarray, top: np.ndarray, left: np.ndarray, side: np.ndarray) -> np.ndarray:
-    """Tell which squares (``top``, ``left``, ``side``; px) contain a true pixel of the mask
-    ``where`` ``(H, W)``. Return bool ``(n,)``."""
+    """Select the squares that contain a true pixel of a mask.
+
+    where : the mask, bool ``(H, W)``.
+    top, left, side : north-west corner and side of each square, px.
+
+    Returns bool ``(n,)``.
+    """
     mask = np.empty(side.size, bool)
     touching(where, top, left, side, mask)
     return mask
 
 
 def quartered(pavements: Sequence[Pavement]) -> bool:
-    """Tell whether all range blocks come from one grid by repeated cuts into four. If so, any two
-    of these blocks are disjoint or nested, and a `common_refinement` exists."""
+    """Check whether all range blocks come from one grid by repeated division into four squares. If
+    the blocks come from one grid, any two blocks are disjoint or nested, and a `common_refinement`
+    exists."""
     root = max(p.coarsest for p in pavements)
     return all(
         root % side == 0

@@ -5,40 +5,43 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from evocity.errors import GenomeError, keyword, setting, spell
+from evocity.errors import GenomeError, check_number, keyword, spell
 from evocity.pavement._kernels import cut_squares, spread, sum_squares, tile
 
 
 class Pavement:
     """Range blocks of a map: squares that tile the map without gaps and without overlap.
 
-    In Jacquin's uniform partition all range blocks have one side B. In an adaptive partition (a
-    wish of Marsault 2002 §6.1, 2005 §4.1-4.2) the leaves of a quadtree follow the city. Range
-    blocks are numbered by (top, left), row by row. So their sides, in this order, determine all
-    places.
+    In Jacquin's uniform partition, all range blocks have the same side B. In an adaptive partition,
+    which Marsault proposes (2002 §6.1, 2005 §4.1-4.2), the range blocks are the leaves of a
+    quadtree. Range blocks are numbered row by row, in the order of their corners (top, left). The
+    sides of all range blocks, in the order of their numbers, determine the places of the blocks.
 
     Parameters
     ----------
-    height, width : size of the map, px.
-    block : side of all range blocks, or the side of each range block in order; px, 2 or more.
+    height, width : height and width of the map, px.
+    block : common side of all range blocks, or a list of the side of each range block; px, 2 or
+        more.
 
     Attributes
     ----------
     corners : (top, left) of each range block's north-west pixel, int32 ``(n,)`` each.
     side : side of each range block, px, int32 ``(n,)``.
-    block : common side of all range blocks, px. A pavement with several sides raises `GenomeError`.
-    rows, columns : number of range blocks down the map and along it. A pavement with several sides
-        raises `GenomeError`.
-    finest, coarsest : smallest and largest side, px.
+    block : common side of all range blocks, px. If range blocks have different sides, reading
+        ``block`` raises `GenomeError`.
+    rows, columns : number of range blocks from north to south, and from west to east. If range
+        blocks have different sides, reading ``rows`` or ``columns`` raises `GenomeError`.
+    finest, coarsest : side of the smallest and of the largest range block, px.
     index : number of the range block that each pixel belongs to, int32 ``(H, W)``.
     levels : mapping from each side to the numbers of the range blocks with this side, ascending.
 
-    All arrays are read-only. Two pavements are equal if their range blocks have the same places and
+    All arrays are read-only. Two pavements are equal if their range blocks have equal places and
     sides.
 
     Raises
     ------
-    GenomeError : ``block`` does not divide the map's sides, or the given sides do not tile the map.
+    GenomeError : ``block`` does not divide the map's height and width, or the listed sides do not
+        tile the map.
     """
 
     def __init__(self, height: int, width: int, block: int | Iterable[int]):
@@ -63,10 +66,10 @@ class Pavement:
         count = tile(side, index, top, left)
         if count != side.size:
             where = (
-                f"overlap or reach beyond it from the {count}th on" if count >= 0 else "leave gaps"
+                f"overlap or leave the map from number {count} on" if count >= 0 else "leave gaps"
             )
             raise GenomeError(
-                f"the {side.size} leaves on a map of {self.height} × {self.width} px {where}",
+                f"the {side.size} range blocks on a map of {self.height} × {self.width} px {where}",
                 "squares that tile the map, sorted by top, then left",
                 "encode the map again",
             )
@@ -104,22 +107,23 @@ class Pavement:
 
     @property
     def uniform(self) -> bool:
-        """True if all range blocks have one side."""
+        """True if all range blocks have the same side."""
         return self._block is not None
 
     @property
     def ends(self) -> int | tuple[int, int]:
-        """Common side of the range blocks, or else the smallest and the largest side."""
+        """Side that all range blocks share, or else the smallest and the largest of their sides."""
         return self.block if self.uniform else (self.finest, self.coarsest)
 
     @property
     def block(self) -> int:
         if self._block is None:
             raise GenomeError(
-                f"there is no single side B: the {len(self)} leaves have {self.finest} to "
-                f"{self.coarsest} px",
-                "a pavement with range blocks of one side",
-                f"use `side` or `finest`, or encode with one side: {keyword('block', 4)}",
+                f"the {len(self)} range blocks have no common side: their sides are from "
+                f"{self.finest} to {self.coarsest} px",
+                "range blocks that all have the same side",
+                "use Pavement.side or Pavement.finest, or encode with one side: "
+                f"{keyword('block', 4)}",
             )
         return self._block
 
@@ -164,7 +168,8 @@ class Pavement:
         return self.side.astype(np.int64) ** 2
 
     def scaled(self, step: int, per: int) -> "Pavement":
-        """Multiply every side by ``step / per``. The new sides must be whole pixels, 2 or more."""
+        """Make a pavement with all sides multiplied by ``step / per``. Each new side must be a
+        whole number of pixels, 2 or more."""
         if self.uniform:
             block = self.block * step // per
             return Pavement(self.rows * block, self.columns * block, block)
@@ -174,8 +179,9 @@ class Pavement:
     # -- pixels and range blocks -----------------------------------------------------------
 
     def blocks(self, raster: np.ndarray, side: int | None = None) -> np.ndarray:
-        """Cut the range blocks of one side s out of a ``(H, W)`` raster, in the order of `levels`.
-        Returns a copy ``(m, s, s)``. A uniform pavement needs no ``side``."""
+        """Cut the range blocks with the side s out of a ``(H, W)`` raster, in the order of
+        `levels`. The result is a copy with the shape ``(m, s, s)``. For a uniform pavement, whose
+        range blocks all have the same side, leave out the argument ``side``."""
         if self.uniform and side in (None, self._block):
             b = self.block
             cut = raster.reshape(self.rows, b, self.columns, b).swapaxes(1, 2)
@@ -184,15 +190,15 @@ class Pavement:
         return self.squares(raster, self.levels[side], side)
 
     def squares(self, raster: np.ndarray, which: np.ndarray, side: int) -> np.ndarray:
-        """Copy the range blocks numbered ``which`` ``(m,)``, all of one side s, from a ``(H, W)``
-        raster: ``(m, s, s)``."""
+        """Copy m range blocks with the side s from a ``(H, W)`` raster: ``(m, s, s)``. The argument
+        ``which``, an array ``(m,)``, holds the numbers of the range blocks."""
         blocks = np.empty((which.size, side, side), raster.dtype)
         cut_squares(raster, *self.corners, which, blocks)
         return blocks
 
     def raster(self, values: np.ndarray) -> np.ndarray:
-        """Spread ``(n,)`` values, one for each range block, over a ``(H, W)`` raster. A uniform
-        pavement also takes blocks ``(n, B, B)``."""
+        """Spread ``(n,)`` values, one for each range block, over a ``(H, W)`` raster. If all range
+        blocks have the side B, the method also accepts the pixels of each block, ``(n, B, B)``."""
         if not self.uniform and values.ndim == 1:
             raster = np.empty((self.height, self.width), values.dtype)
             spread(values, self.index.ravel(), raster.ravel())
@@ -224,12 +230,8 @@ def _uniform(height: int, width: int, block: int) -> Pavement:
 
 
 def _check_uniform(height: int, width: int, block: int) -> None:
-    if block < 2:
-        raise GenomeError(
-            setting("block", block),
-            "a range block of at least 2 px",
-            f"use for example {keyword('block', 4)}",
-        )
+    remedy = f"use for example {keyword('block', 4)}"
+    check_number("block", block, 2, np.inf, "a range block of at least 2 px", GenomeError, remedy)
     if height % block or width % block or min(height, width) < 1:
         fits = [
             f"{low} or {low + block}" if side % block else f"{side}"
@@ -238,8 +240,8 @@ def _check_uniform(height: int, width: int, block: int) -> None:
         ]
         raise GenomeError(
             f"a map of {height} × {width} px cannot be cut into range blocks of {block} px",
-            f"sides that are multiples of {block}: height {fits[0]}, width {fits[1]}",
-            "crop or read the map at this size, or choose another block",
+            f"height and width in multiples of {block} px: height {fits[0]}, width {fits[1]}",
+            "crop or read the map at this size, or choose another side of range blocks",
         )
 
 

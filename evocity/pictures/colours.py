@@ -39,11 +39,9 @@ VOID_LABEL = f"{_VOID} (bare ground)"
 
 
 def ramp(heights: np.ndarray, highest: float) -> np.ndarray:
-    """Colour ``heights`` (metres, ``(H, W)``): uint8 ``(H, W, 3)``.
-
-    Ground is pale; from `BUILT_ABOVE` on, colours darken evenly up to ``highest`` metres and stay
-    the same above. Traces lower than a building are fainter. About 0.5 ms at 256².
-    """
+    """Colour ``heights`` (metres, ``(H, W)``): uint8 ``(H, W, 3)``. Ground is pale; from
+    `BUILT_ABOVE` on, colours darken evenly up to ``highest`` metres and stay the same above. Traces
+    lower than a building are fainter. About 0.5 ms at 256²."""
     table = _table(max(float(highest), 2 * BUILT_ABOVE))
     steps = np.minimum(heights * ((len(table) - 1) / max(float(highest), 2 * BUILT_ABOVE)), 1023)
     return table.take(steps.astype(np.int16), axis=0)

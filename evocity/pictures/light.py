@@ -74,8 +74,7 @@ def edges(heights: np.ndarray) -> np.ndarray:
     found = np.zeros(heights.shape, dtype=bool)
     for axis in (0, 1):
         drop = np.diff(heights, axis=axis)
-        first = [slice(None)] * 2
-        last = [slice(None)] * 2
+        first, last = [slice(None)] * 2, [slice(None)] * 2
         first[axis], last[axis] = slice(None, -1), slice(1, None)
         found[tuple(first)] |= drop < -2
         found[tuple(last)] |= drop > 2

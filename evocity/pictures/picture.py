@@ -1,13 +1,16 @@
-"""Pictures of maps, fields, shares, changes and classes, with light from the north-west."""
+"""Pictures of maps, fields, shares, leaves, changes and classes, with light from the north-west."""
 
 import math
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageDraw
 
 from evocity.citymap import STOREY, CityMap, Classes
+from evocity.pavement import Pavement
 from evocity.pictures.colours import (
     GROUND,
+    INK,
+    PAPER,
     change_colours,
     city_colours,
     field_colours,
@@ -17,12 +20,22 @@ from evocity.pictures.colours import (
     scale_end,
     srgb,
 )
-from evocity.pictures.field import Change, Field, Shares
+from evocity.pictures.field import Change, Faces, Field, Leaves, Shares
 from evocity.pictures.legend import Key, Scale, draw_legend, draw_with_scale
 from evocity.pictures.light import add_light, edges
 
 # Lightness of roofs in `render_shares`, from the lowest to the highest; how pale its ground is.
 _LIGHTER, _DARKER, _PALE = 0.08, 0.26, 0.68
+
+#: The least number of picture pixels a map pixel, so that lines stay distinct.
+CLOSEST = 4
+
+# Faces: the number of tints, their opacity on and off lots, half the arms of crosses in map pixels,
+# and the colour of crosses.
+_TINTS, _STRONG, _WEAK, _ARM, _CROSS = 6, 0.45, 0.18, 4.0, "#c2281d"
+
+# Opacity of lines on pale pixels and on dark ones; the greatest level of dark pixels.
+_ON_PALE, _ON_DARK, _DARK = 0.5, 0.35, 105
 
 
 def render(
@@ -32,8 +45,8 @@ def render(
 
     Parameters
     ----------
-    highest : height in metres at which the colour scale ends; None takes `scale_end`. Use the same
-        number for all pictures that you compare.
+    highest : height in metres at which the colour scale ends; None chooses a round number above
+        nearly all roofs. Use the same value of ``highest`` for all pictures that you compare.
     legend : whether to add the name, colour scale, scale bar and attribution. Without the legend
         the picture is the bare map, ``(H·zoom, W·zoom)``, and the caller must show the attribution.
     zoom : number of picture pixels per map pixel.
@@ -43,7 +56,8 @@ def render(
     PIL.Image : the picture, in RGB.
     """
     end = scale_end(city) if highest is None else float(highest)
-    fabric = Image.fromarray(_shade_heights(city, end, zoom))
+    heights = city.heights.repeat(zoom, axis=0).repeat(zoom, axis=1)
+    fabric = Image.fromarray(add_light(city, ramp(heights, end), zoom))
     return draw_with_scale(city, fabric, city.name, end, zoom) if legend else fabric
 
 
@@ -69,11 +83,60 @@ def render_field(field: Field, *, zoom: int = 1) -> Image.Image:
     return draw_legend(field.city, Image.fromarray(colours), title, scale, zoom)
 
 
+def render_leaves(leaves: Leaves, *, legend: bool = True, zoom: int = CLOSEST) -> Image.Image:
+    """Draw a map with the borders of its range blocks. Each border is a line of one picture pixel
+    along the north and west sides of a block. The line is dark on pale pixels and pale on dark
+    pixels. The arguments ``legend`` and ``zoom`` work as in `render`. At a zoom below 4, the
+    borders of blocks of 2 px run together."""
+    city, p = leaves.city, leaves.pavement
+    end = scale_end(city)
+    colours = np.array(render(city, highest=end, legend=False, zoom=zoom), np.float32)
+    line = _borders(p, zoom)
+    under = colours[line]
+    dark = under.mean(axis=1, keepdims=True) < _DARK
+    share = np.where(dark, _ON_DARK, _ON_PALE).astype(np.float32)
+    ink = np.where(dark, np.float32(PAPER), np.float32(INK))
+    colours[line] = under + (ink - under) * share
+    fabric = Image.fromarray(np.round(colours).astype(np.uint8))
+    title = f"{city.name}: {leaves.title}"
+    return draw_with_scale(city, fabric, title, end, zoom) if legend else fabric
+
+
+def render_faces(faces: Faces, *, legend: bool = True, zoom: int = CLOSEST) -> Image.Image:
+    """Draw a map with its faces between streets. Each face has a tint, and its lot has a stronger
+    one. Dark lines follow the axes of streets. A red cross in each face shows the directions of its
+    walls. The arguments ``legend`` and ``zoom`` work as in `render`."""
+    city = faces.city
+    end = scale_end(city)
+    colours = np.array(render(city, highest=end, legend=False), np.float32)
+    tints = np.array([rgb(colour) for colour in city_colours(range(_TINTS))], np.float32)
+    tint = tints[(faces.labels - 1) % _TINTS]
+    strength = np.where(faces.lots > 0, _STRONG, _WEAK).astype(np.float32)[..., None]
+    colours += (tint - colours) * np.where(faces.labels[..., None] > 0, strength, 0)
+    axes = faces.labels == 0
+    if city.site is not None:
+        axes &= city.site
+    colours[axes] = INK
+    pixels = np.round(colours).astype(np.uint8).repeat(zoom, axis=0).repeat(zoom, axis=1)
+    fabric = Image.fromarray(pixels)
+    draw = ImageDraw.Draw(fabric)
+    for (row, column), angle in zip(faces.centres, faces.angles, strict=True):
+        for turn in (0, math.pi / 2) if math.isfinite(angle) else ():
+            along, down = math.cos(angle + turn) * _ARM, math.sin(angle + turn) * _ARM
+            ends = [
+                ((column + 0.5 + step * along) * zoom, (row + 0.5 + step * down) * zoom)
+                for step in (-1, 1)
+            ]
+            draw.line(ends, fill=_CROSS, width=max(1, zoom // 2))
+    title = f"{city.name}: {faces.title}"
+    return draw_with_scale(city, fabric, title, end, zoom) if legend else fabric
+
+
 def render_shares(shares: Shares, *, legend: bool = True, zoom: int = 1) -> Image.Image:
-    """Draw the shares of parts in a city. Each part has a colour (`city_colours`); each pixel mixes
-    these colours by its weights. Higher roofs are darker, and ground is pale. The legend lists the
-    parts with their shares of the whole map, the largest first. Use ``legend`` and ``zoom`` as in
-    `render`."""
+    """Draw the shares of parts in a city. Each part has a colour (`city_colours`); a pixel mixes
+    the colours of its parts by their shares. Higher roofs are darker, and ground is pale. The
+    legend lists the parts with their shares of the whole map, the largest first. The arguments
+    ``legend`` and ``zoom`` work as in `render`."""
     city, weights = shares.city, np.asarray(shares.weights)
     hues = oklab(np.array([rgb(colour) for colour in city_colours(shares.parts)]) / 255)
     mixed = weights.reshape(-1, len(hues)) @ hues
@@ -98,8 +161,8 @@ def render_shares(shares: Shares, *, legend: bool = True, zoom: int = 1) -> Imag
 
 
 def render_change(change: Change, *, zoom: int = 1) -> Image.Image:
-    """Draw the difference of two cities: red where the second is higher, blue where it is lower.
-    The legend is as in `render`."""
+    """Draw the difference of two cities: red where the second city is higher, and blue where it is
+    lower. The title, scale bar and attribution are as in `render`."""
     city = change.second.replace(change.second.heights, attribution=change.attribution)
     colours = change_colours(change.metres, change.end).repeat(zoom, axis=0).repeat(zoom, axis=1)
     end = change.end
@@ -114,9 +177,9 @@ def render_classes(
 ) -> Image.Image:
     """Draw the objects on a city in the colours of their classes, with shadows and edges of roofs.
 
-    classes: the city's classes by a table of your own, see `CityMap.classified`; None takes
+    The argument ``classes`` comes from `CityMap.classified` with a table of your own; None means
     `CityMap.classes`. The legend lists the classes with their number of objects and share of the
-    map, the largest first. Use ``legend`` and ``zoom`` as in `render`.
+    map, the largest first. The arguments ``legend`` and ``zoom`` work as in `render`.
     """
     classes = city.classes if classes is None else classes
     palette = np.concatenate([[GROUND], classes.table.rgb]).astype(np.uint8)
@@ -134,13 +197,20 @@ def render_classes(
     return draw_legend(city, fabric, f"{city.name}: classes of objects", Key(entries), zoom)
 
 
+def _borders(pavement: Pavement, zoom: int) -> np.ndarray:
+    """Mark the first picture row and column of each range block, bool ``(H·zoom, W·zoom)``."""
+    index = pavement.index
+    north, west = np.ones((2, *index.shape), bool)
+    north[1:] = index[1:] != index[:-1]
+    west[:, 1:] = index[:, 1:] != index[:, :-1]
+    lines = np.zeros((pavement.height * zoom, pavement.width * zoom), bool)
+    lines[::zoom] = north.repeat(zoom, axis=1)
+    lines[:, ::zoom] |= west.repeat(zoom, axis=0)
+    return lines
+
+
 def _round_up(value: float) -> float:
     if value <= 0:
         return 1.0
     power = 10.0 ** math.floor(math.log10(value))
     return math.ceil(value / power * 0.999) * power
-
-
-def _shade_heights(city: CityMap, end: float, zoom: int) -> np.ndarray:
-    heights = city.heights.repeat(zoom, axis=0).repeat(zoom, axis=1)
-    return add_light(city, ramp(heights, end), zoom)

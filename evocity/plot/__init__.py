@@ -12,8 +12,7 @@ writes them. Without ``ax`` it makes a new figure, without pyplot: a notebook sh
 call is the last line of a cell. No global setting of matplotlib is changed.
 """
 
-from evocity.analysis.optional_libraries import library
-from evocity.lazy_imports import lazy_names
+from evocity.lazy_imports import lazy_names, library
 
 _load, __dir__, __all__ = lazy_names(__name__, __file__)
 

@@ -1,12 +1,12 @@
 """Public names of the room, for type checkers; `__init__.py` loads each on first use."""
 
-from .distributions import buildings as buildings
 from .fronts import front as front
 from .galleries import gallery as gallery
 from .generations import convergence as convergence
 from .generations import diversity as diversity
 from .generations import objectives as objectives
 from .grids import grid as grid
+from .maps import buildings as buildings
 from .maps import difference as difference
 from .maps import lifs as lifs
 from .maps import usage as usage

@@ -7,33 +7,32 @@ import numpy as np
 from evocity.analysis import Aim, Individual, Run
 from evocity.analysis.arguments import ids_of_any
 from evocity.analysis.births import Births, unknown
-from evocity.analysis.fabric_genomes import fabric_of
+from evocity.analysis.individual import fabric_of
 from evocity.citymap import CityMap
 from evocity.errors import EvocityError, spell
 from evocity.genome import Genome
 
 
 def births_of(run: object) -> Births:
-    """Return the births of a ``run``. Raises `EvocityError` for an object that is not an open run,
-    `RunError` where it has no whole generation yet."""
+    """Return the births of a ``run``. Raises `EvocityError` for an object that is not an open
+    run."""
     if not isinstance(run, Run):
         raise EvocityError(
-            f"run = {spell(run)}",
-            "a run, as evocity.open_run opens it",
+            f"run = {spell(run)} is not an open run",
+            "a run that evocity.open_run returned",
             'write run = evocity.open_run("runs/demo")',
         )
     return run.columns
 
 
 def rows_of(births: Births, of: object, usual: Iterable[int]) -> np.ndarray:
-    """Return the rows of the births that ``of`` names: ids, individuals, a frame, a condition, see
-    `evocity.analysis.Run.where`; of those ``usual`` if it is None."""
+    """Return the rows of the births that ``of`` names, see `evocity.analysis.Run`; or the
+    ``usual``."""
     return births.rows(ids_of_any(usual if of is None else of, births))
 
 
 def aims_on(births: Births, measures: str | Sequence[str] | None) -> list[Aim]:
-    """Return what was wanted of each of the ``measures``; None for those with a goal or bounds.
-    Raises `RunError` for a measure that the run does not log."""
+    """Return the goals of the ``measures``; None for the measures with a goal or bounds."""
     if measures is None:
         return list(births.aims) or list(births.recorded)
     known = {aim.name: aim for aim in births.logged}
@@ -43,13 +42,14 @@ def aims_on(births: Births, measures: str | Sequence[str] | None) -> list[Aim]:
             raise unknown(name, list(known), str(births.run.path))
     if not names:
         raise EvocityError(
-            "measures = []", "at least one measure", f"choose some of {', '.join(known)}"
+            "the list of measures is empty",
+            "at least one measure",
+            f"choose one or more of the measures {', '.join(known)}",
         )
     return [known[name] for name in names]
 
 
 def aim_on(births: Births, measure: str) -> Aim:
-    """Return what was wanted of one ``measure``. Raises as `aims_on`."""
     return aims_on(births, [measure])[0]
 
 
@@ -63,11 +63,7 @@ def genome_of(thing: object) -> Genome:
     if isinstance(thing, Individual):
         return fabric_of(thing.run.header, thing.genome, "a plot of source cities")
     if not isinstance(thing, Genome):
-        raise EvocityError(
-            spell(thing),
-            "a genome, or an individual of a run",
-            "give run[97] or run[97].genome",
-        )
+        raise _unsuitable(thing, "genome", "run[97].genome")
     return thing
 
 
@@ -76,7 +72,10 @@ def city_of(thing: object) -> CityMap:
     if isinstance(thing, Individual):
         return thing.city
     if not isinstance(thing, CityMap):
-        raise EvocityError(
-            spell(thing), "a map, or an individual of a run", "give run[97] or a CityMap"
-        )
+        raise _unsuitable(thing, "map", "a CityMap")
     return thing
+
+
+def _unsuitable(thing: object, kind: str, example: str) -> EvocityError:
+    expected, remedy = f"a {kind}, or an individual of a run", f"give run[97] or {example}"
+    return EvocityError(f"the first argument is {spell(thing)}", expected, remedy)

@@ -8,7 +8,7 @@ from evocity.analysis import Run
 from evocity.analysis.births import Births
 from evocity.analysis.clusters import farthest_first
 from evocity.analysis.thumbnails import cities_of, highest_of, thumbnail
-from evocity.errors import EvocityError, spell
+from evocity.errors import check_number
 from evocity.plot import style
 from evocity.plot.births import aim_on, axis_label, births_of, rows_of
 from evocity.plot.generations import wanted_lines
@@ -29,29 +29,25 @@ def front(
     thumbnails: int = 6,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw births as points over two measures. Kinds of points are the front of a generation, the
-    other individuals alive then, the first population, and all other births. Crosses mark births
-    that break a constraint. Maps beside the plot show births of the front that lie far apart. Each
-    map has its id and a line to its point.
+    """Draw births as points in a plot of two measures. Four kinds of points mark four groups: the
+    front of a generation; the other individuals of that generation; the first population; all other
+    births. Crosses mark births that break a constraint. Maps beside the plot show births of the
+    front with very different values. Each map shows the id of its birth, and a line connects the
+    map with its point.
 
-    x, y : names of the two measures.
-    generation : the generation of the front; the last by default.
-    of : the births to draw, as a frame, ids or individuals; by default all births up to that
-        generation. The maps also show births of this selection.
-    thumbnails : number of maps, 0 to 18.
+    x, y : names of the measures for the horizontal and the vertical axis.
+    generation : number of the generation whose front to draw; by default the last generation.
+    of : births to draw, as a data frame, ids or individuals; by default all births up to the
+        ``generation``. The maps beside the plot show only births in ``of``.
+    thumbnails : number of maps beside the plot, from 0 to 18.
 
     Raises `RunError` for a measure that the run does not log, for an incomplete generation, and for
-    an unknown id. Raises `EvocityError` if ``thumbnails`` is out of range.
+    an unknown id. Raises `EvocityError` if the number of maps is out of range.
     """
     births = births_of(run)
     aims = [aim_on(births, name) for name in (x, y)]
-    whole = isinstance(thumbnails, int | np.integer) and not isinstance(thumbnails, bool)
-    if not whole or not 0 <= thumbnails <= MOST_MAPS:
-        raise EvocityError(
-            f"thumbnails = {spell(thumbnails)}",
-            f"a number of maps from 0 to {MOST_MAPS}",
-            "give for example 6",
-        )
+    expected = f"a number of maps from 0 to {MOST_MAPS}"
+    check_number("thumbnails", thumbnails, 0, MOST_MAPS, expected, whole=True)
     ids, ranks = births.ranked(generation)
     until = births.last if generation is None else generation
     rows = rows_of(births, of, births.ids[births.generation <= until])
@@ -112,8 +108,7 @@ def _wide_apart(values: np.ndarray, rows: np.ndarray, count: int) -> np.ndarray:
 
 
 def _maps(ax: Axes, births: Births, values: np.ndarray, chosen: np.ndarray) -> None:
-    """The maps of the ``chosen``, in columns to the right. Of several columns those to the right
-    lie between the rows of those to the left, so that their lines pass."""
+    """The maps of the ``chosen``, in columns to the right, staggered so that their lines pass."""
     ids = births.ids[chosen].tolist()
     cities, highest = cities_of(births, ids), highest_of(births)
     columns = -(-len(ids) // _IN_A_COLUMN)

@@ -12,7 +12,7 @@ from evocity.analysis.clusters import label_clusters, medoids
 from evocity.analysis.goals import stated_aim
 from evocity.analysis.likeness import Likeness
 from evocity.analysis.thumbnails import cities_of, highest_of, thumbnail
-from evocity.errors import EvocityError, check_word, spell
+from evocity.errors import EvocityError, check_number, check_word
 from evocity.plot import style
 from evocity.plot.births import aim_on, births_of, rows_of
 
@@ -39,20 +39,21 @@ def gallery(
     clusters: int | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw maps of individuals on one scale of heights. Each map has its id and the measure that
-    orders the maps; × marks individuals that break a constraint.
+    """Draw the maps of several individuals with one scale of heights. The label of a map shows the
+    id and the measure that sorts the maps. The sign × marks individuals that break a constraint.
 
-    of : a frame, ids or individuals, at most 400; by default the living individuals, the best
-        first.
-    columns : number of maps per row, 1 to 20.
-    order : name of a measure, which puts the best first. A name can also be a column of numbers in
-        the frame ``of``, for example from `Run.score`. "looks" puts similar maps next to each
-        other. By default the order of ``of`` stays.
-    clusters : number of groups of individuals that look alike. Each group starts on a new row, with
-        its medoid first.
+    of : individuals to draw, as a data frame, ids or individuals, at most 400. By default, the
+        gallery shows the living individuals, with the best first.
+    columns : number of maps in each row, from 1 to 20.
+    order : name of a measure that sorts the maps, with the best first. The argument ``order`` can
+        name a column of numbers in the given data frame, for example a column from `Run.score`. The
+        order "looks" puts similar maps next to each other. By default, the maps keep the order in
+        which the individuals are given.
+    clusters : number of groups of individuals with similar maps. Each group starts on a new row
+        with its medoid, the middle individual of the group.
 
-    Raises `EvocityError` for wrong columns, orders and clusters, and for too many individuals.
-    Raises `RunError` for an unknown id.
+    Raises `EvocityError` for an invalid number of columns or groups, for an invalid order, and for
+    too many individuals. Raises `RunError` for an unknown id.
     """
     births = births_of(run)
     rows = rows_of(births, of, births.ranked()[0])
@@ -112,8 +113,7 @@ class _By:
 
     @classmethod
     def of(cls, births: Births, rows: np.ndarray, given: object, order: str) -> "_By":
-        """By the measure ``order`` of the run; else by that column of the frame ``given``, the
-        highest first unless a measure of that name should be low."""
+        """By the measure ``order`` of the run; else by that column of the frame ``given``."""
         if order in births.run.header.columns:
             aim, values = aim_on(births, order), births.value(order)[rows]
             losses = aim.losses(values)
@@ -145,17 +145,14 @@ def _draw(ax, births: Births, cell: _Cell, city, tall, highest, inch, by: _By | 
 
 
 def _check(births: Births, rows, columns, measures, order, clusters) -> None:
-    def whole(value, low, high):
-        number = isinstance(value, int | np.integer) and not isinstance(value, bool)
-        return number and low <= value <= high
-
-    if not whole(columns, 1, 20):
-        raise EvocityError(f"columns = {spell(columns)}", "1 to 20 maps per line", "give 6")
+    expected = "a number from 1 to 20, for the maps in a row"
+    check_number("columns", columns, 1, 20, expected, whole=True)
     if len(rows) > MOST:
         raise EvocityError(
             f"{len(rows)} individuals are too many for a gallery",
             f"at most {MOST} individuals",
-            "choose fewer: of=run.archive.ids[:100], or of=run.most_different(100)",
+            "choose fewer individuals, for example of=run.archive.ids[:100] or "
+            "of=run.most_different(100)",
         )
     if order is not None:
         check_word(
@@ -164,12 +161,9 @@ def _check(births: Births, rows, columns, measures, order, clusters) -> None:
             ["looks", *dict.fromkeys(measures)],
             "leave it out for the order of the births",
         )
-    if clusters is not None and not whole(clusters, 1, max(1, len(rows))):
-        raise EvocityError(
-            f"clusters = {spell(clusters)}",
-            f"a number of groups from 1 to {len(rows)}, the number of individuals",
-            "give for example 4",
-        )
+    if clusters is not None:
+        expected = f"a number of groups from 1 to {len(rows)}, the number of individuals"
+        check_number("clusters", clusters, 1, max(1, len(rows)), expected, whole=True)
 
 
 def _grouped(

@@ -29,13 +29,14 @@ _MOST_POINTS = 3000
 
 
 def objectives(run: Run, measures: str | Sequence[str] | None = None, ax: object = None) -> Panels:
-    """Draw each measure over the generations, one panel per measure. A panel shows the living
-    individuals that keep the constraints: their range, middle half, median and best value. Crosses
-    mark individuals that break a constraint. Target and bounds are dashed lines; the median of the
-    first population is a dotted line.
+    """Draw the values of each measure over the generations, with one panel per measure. A panel
+    shows the range, the middle half, the median and the best value of the living individuals. The
+    panel considers only individuals that keep the constraints; crosses mark individuals that break
+    a constraint. Dashed lines show the target and the bounds. A dotted line shows the median of the
+    first population.
 
-    measures : names of the measures; by default those with a goal or bounds.
-    ax : matplotlib axes, one for each measure; by default new ones.
+    measures : names of the measures to draw; by default the measures with a goal or bounds.
+    ax : axes of matplotlib, one for each measure; by default the function makes new axes.
 
     Raises `RunError` if the run does not log a measure.
     """
@@ -91,8 +92,7 @@ def _crosses(x, y) -> Line2D:
 
 
 def wanted_lines(ax: Axes, aim: Aim, upright: bool = False) -> None:
-    """Draw target and bounds of a measure, dashed, across axes whose y it is, or x if
-    ``upright``."""
+    """Draw target and bounds of a measure, dashed, across the y axis, or x if ``upright``."""
     for value in (aim.target, aim.low, aim.high):
         if value is not None and abs(value) < 1e300:
             draw = ax.axvline if upright else ax.axhline
@@ -100,8 +100,8 @@ def wanted_lines(ax: Axes, aim: Aim, upright: bool = False) -> None:
 
 
 def quantiles(born: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
-    """Return the `QUANTILES` of the finite ``values`` of the living of each generation, float64
-    ``(len(QUANTILES), count)``; NaN where there is none."""
+    """Return `QUANTILES` of the ``values`` of each generation, float64 ``(len(QUANTILES),
+    count)``."""
     values_at = np.full((len(QUANTILES), count), np.nan)
     order = np.argsort(born, kind="stable")
     parts = np.split(values[order], np.searchsorted(born[order], np.arange(1, count)))
@@ -125,10 +125,12 @@ def _best(aim: Aim, born: np.ndarray, values: np.ndarray, count: int) -> np.ndar
 
 
 def convergence(run: Run, ax: Axes | None = None) -> Axes:
-    """Draw the hypervolume over the generations, in units of the first population's ranges. One
-    curve is for the living individuals, the second for the archive of all births so far.
+    """Draw the hypervolume over the generations, in units of the ranges of the first population.
+    The first curve shows the hypervolume of the living individuals. The second curve shows the
+    hypervolume of the archive of all births so far.
 
-    The curve of the archive is left out if its exact volumes would take minutes.
+    The function leaves out the curve of the archive if computing its exact volumes would take
+    minutes.
     """
     births = births_of(run)
     ax = style.panel(ax)
@@ -171,10 +173,10 @@ def _archive_volumes(births: Births) -> tuple[np.ndarray, np.ndarray]:
 
 
 def diversity(run: Run, ax: Axes | None = None) -> Axes:
-    """Draw how much the living individuals differ, over the generations. The first curve is the
-    share of the map in which two individuals differ by more than a storey, averaged over all pairs.
-    The second curve is the share of the map whose stones are in place. A stone is a copied part of
-    a source city; it is in place if it lies where it lay in that city. Of a long run the plot shows
+    """Draw the diversity of the living individuals over the generations. The first curve is the
+    share of the map on which the heights of two individuals differ by more than a storey. The first
+    curve shows the mean share over all pairs of individuals. The second curve is the share of the
+    map whose fabric lies at the same place as in the source city. For a long run, the plot shows
     only some generations, evenly spaced."""
     births = births_of(run)
     ax = style.panel(ax)

@@ -26,26 +26,31 @@ _WORSE = "#e8d6ce"
 def grid(
     run: Run, island: str | None = None, goal: str | None = None, ax: object = None
 ) -> Axes | Panels:
-    """Draw the cells of a run of ``map_elites``. Each filled cell shows the map of its best birth,
-    with its id if there is room. A bar beneath shows the quality of that birth; a full bar is the
-    best birth of all cells. A cell with the code of a source city has a frame in the city's colour.
-    If the cells are many or small, colours show their quality.
+    """Draw the grid of births of a run with the algorithm ``map_elites``. Each filled cell shows
+    the map of its best birth, with the id of the birth if there is room. A bar below each map shows
+    the quality of the birth; the best birth of all cells has a full bar. A cell with the genome of
+    a source city has a frame in the city's colour. If the cells are too small for maps, colours
+    show the quality of the births in the cells.
 
-    island : the island whose grid to draw, in a run with islands.
-    goal : a measure or a sum; needed if the run, or the island, has several goals.
-    ax : matplotlib axes. A grid of three descriptors needs one for each filled slice of the third
-        descriptor, at most 12.
+    island : name of the island whose grid to draw, in a run with islands.
+    goal : name of a measure, or of a sum of measures, that defines the quality; required if there
+        are several goals.
+    ax : axes of matplotlib. For a grid with three descriptors, give axes for each filled interval
+        of the third descriptor, at most 12.
 
-    Returns the axes, several for three descriptors. Raises `RunError` if the run, or the island,
-    has no grid, and if there are several goals but no ``goal``.
+    Returns the axes of matplotlib; a grid with three descriptors returns several axes. Raises
+    `RunError` if the run, or the island, has no grid. Raises `RunError` if the argument ``goal`` is
+    missing although there are several goals.
     """
     births = births_of(run)
     cells = grid_of_run(births.run, island)
     if cells is None:
         raise RunError(
-            f"{births.run.path} has no grid",
-            "a run of map_elites, or the name of an island that is one",
-            'give island="…"' if births.run.header.islands else "see plot.front, or plot.gallery",
+            f"the run {births.run.path} has no grid of births",
+            "a run with the algorithm map_elites, or an island with that algorithm",
+            'name the island: island="…"'
+            if births.run.header.islands
+            else "draw plot.front or plot.gallery instead",
         )
     goal = births.quality_on(island) if goal is None else goal
     bins = binned(births.run, cells, births.last, goal)

@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
 from evocity.analysis import Individual
+from evocity.analysis.distributions import QUANTITIES, Distribution, distributions
 from evocity.citymap import CityMap
 from evocity.coding import decode
 from evocity.coding.ancestry import ancestry
@@ -34,16 +35,17 @@ _COUNTS = {
 
 
 def lifs(genome: Genome | Individual, what: str = "sigma", ax: Axes | None = None) -> Axes:
-    """Draw a map of one value of each lifs of a genome. The value fills the range block of the
-    lifs.
+    """Draw a map of one parameter of the lifs of a genome. The colour of each range block shows the
+    value of its lifs.
 
     genome : a `Genome`, or an individual of a run.
-    what : the value to draw. "sigma" is blue below 0 and red above. "lambda" is the share λ of a
-        lifs from its own city. "side" is the side of the range block in metres. "usage" is the
-        number of lifs that call the same domain block. "provenance" shows the source cities of each
-        place.
+    what : name of the parameter to draw. The parameter "sigma" is drawn in blue below 0 and in red
+        above 0. The parameter "lambda" is the share λ of a lifs that comes from its main source
+        city. The parameter "side" is the width of the range block in metres. The parameter "usage"
+        is the number of lifs that read the same domain block. With the name "provenance", the
+        picture shows the source cities of each place.
 
-    Raises `EvocityError` for any other ``what``.
+    Raises `EvocityError` for an unknown parameter.
     """
     genome = genome_of(genome)
     check_word("what", what, KINDS)
@@ -106,12 +108,13 @@ def city_patches(cities, shares=None) -> list[Patch]:
 
 
 def usage(genome: Genome | Individual, count: str = "pixels", ax: Axes | None = None) -> Axes:
-    """Draw a map of μ, which counts how often the genome calls each of its parts.
+    """Draw a map of μ, the number of lifs that copy from each part of the map.
 
     genome : a `Genome`, or an individual of a run.
-    count : the kind of count: "pixels", "domains" or "ranges", see `evocity.coding.usage.Usage`.
+    count : parts for which μ counts the lifs: "pixels", "domains" or "ranges", see
+        `evocity.coding.usage.Usage`.
 
-    Raises `EvocityError` for any other ``count``.
+    Raises `EvocityError` for an unknown value of the argument ``count``.
     """
     genome = genome_of(genome)
     check_word("count", count, _COUNTS, "leave it out for pixels")
@@ -132,12 +135,14 @@ def usage(genome: Genome | Individual, count: str = "pixels", ax: Axes | None = 
 
 
 def difference(a: Individual | CityMap, b: Individual | CityMap, ax: object = None) -> Panels:
-    """Draw two cities on one scale of heights, and their difference in metres, in three panels. The
-    difference is red where the second city is higher, and blue where it is lower.
+    """Draw two cities with one scale of heights, and a third panel with their difference in metres.
+    In the third panel, red means that the second city is higher than the first, and blue means that
+    the second city is lower.
 
-    a, b : individuals of a run, or maps, with the same number and size of pixels.
+    a, b : first and second city, as individuals of a run or as maps. Both cities need the same
+        number of pixels and the same pixel size.
 
-    Raises `EvocityError` if the grids of the two maps differ.
+    Raises `EvocityError` if the two maps differ in the number or the size of their pixels.
     """
     first, second = city_of(a), city_of(b)
     change = Change(first, second)
@@ -155,3 +160,55 @@ def difference(a: Individual | CityMap, b: Individual | CityMap, ax: object = No
     style.credit(axes[0], change.attribution)
     style.fit(axes[0])
     return axes
+
+
+_DASHES = ["--", "-.", (0, (1, 1.2)), (0, (6, 1.5, 1, 1.5, 1, 1.5))]
+
+
+def buildings(
+    individual: Individual, of: str = "area", parents: bool = True, ax: Axes | None = None
+) -> Axes:
+    """Draw cumulative distributions: the share of buildings up to each size. The continuous line
+    shows the individual, and the dashed lines show its parents. Dotted grey lines show the
+    reference cities. Each source city has a line in its own colour. The legend shows the number of
+    buildings and the median size.
+
+    individual : the individual of a run to draw, for example ``run[97]``.
+    of : kind of size to draw: "area", "height", "perimeter" or "volume".
+    parents : whether to draw lines for the parents of the individual.
+
+    Raises `EvocityError` for an unknown kind of size, and for an object that is not an individual.
+    Raises `RunError` if the individual has no map.
+    """
+    listed = distributions(individual, of, parents)
+    what, unit, powers = QUANTITIES[of]
+    ax = style.panel(ax, 8.0, 4.2)
+    bred = [one for one in listed if one.role == "parent"]
+    for one in reversed(listed):
+        line = {
+            "source": {"color": one.colour, "linewidth": 1.3},
+            "reference": {"color": style.FAINTS, "linestyle": ":", "linewidth": 1},
+            "individual": {"color": style.LIVING, "linewidth": 2.0, "zorder": 4},
+        }.get(one.role)
+        if line is None:
+            dashes = _DASHES[bred.index(one) % len(_DASHES)]
+            line = {"color": style.FAINTS, "linestyle": dashes, "linewidth": 1.2}
+        _steps(ax, one, unit, line)
+    if not any(len(line.get_xdata()) for line in ax.lines):
+        style.note(ax, "there are no buildings")
+    elif powers:
+        ax.set_xscale("log")
+    ax.set_ylim(0, 1.02)
+    label = style.fold(f"{what} of a building, {unit}", 60)
+    style.name_axes(ax, label, "share of buildings up to this size")
+    ax.yaxis.set_major_formatter(lambda value, _: f"{value:.0%}")
+    style.key(ax, ax.lines)
+    return ax
+
+
+def _steps(ax: Axes, one: Distribution, unit: str, line: dict) -> None:
+    values = one.values
+    shares = np.arange(1, len(values) + 1) / max(1, len(values))
+    median = f", median {np.median(values):.3g} {unit}" if len(values) else ""
+    label = f"{style.short(one.name)}\n{len(values)} buildings{median}"
+    ax.plot(values, shares, drawstyle="steps-post", label=label, **line)

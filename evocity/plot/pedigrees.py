@@ -38,17 +38,19 @@ class _Row:
 def pedigree(
     run: Run, individual: int | Individual, generations: int | None = 6, ax: Axes | None = None
 ) -> Axes:
-    """Draw an individual below, its parents above it, and so on. Each picture has its id, the
-    generation of its birth, its operator, and a bar of its source cities. The chart at the top
-    counts all ancestors of the individual by the generation of their birth.
+    """Draw the pedigree of an individual, with the individual at the bottom and its parents in the
+    row above. Each row shows the parents of the individuals in the row below it. The label of a
+    picture shows id, generation of birth, operator, and a bar with the shares of the source cities.
+    The chart at the top counts all ancestors of the individual by the generation of their birth.
 
-    An ancestor in several generations of the pedigree appears in several rows. A row shows at most
-    10 ancestors, those with the most lines of descent.
+    An ancestor that is several steps away along different lines appears in several rows. A row
+    shows at most 10 ancestors, namely those with the most lines of descent to the individual.
 
-    individual : an individual of the run, or its id.
-    generations : number of steps back from child to parent; None for 12, the most that are drawn.
+    individual : individual whose pedigree to draw, or its id.
+    generations : number of steps back from child to parent, at most 12; None means 12.
 
-    Raises `RunError` if there is no such birth, and `EvocityError` for wrong ``generations``.
+    Raises `RunError` if the run does not contain the individual, and `EvocityError` if the number
+    of generations is out of range.
     """
     births = births_of(run)
     requested = steps_of(generations)
@@ -154,8 +156,7 @@ def _draw(
 def _density(
     ax: Axes, births: Births, everyone: np.ndarray, drawn: np.ndarray, inches: float, cut: bool
 ) -> None:
-    """The number of ancestors, ``everyone``, by the generation of their birth; the ``drawn`` ones
-    darker. ``cut``: more steps back were requested, and there are more."""
+    """The number of ancestors, ``everyone``, by generation of birth; the ``drawn`` ones darker."""
     tall = 0.6 / max(inches, 0.6)
     at = ax.inset_axes([0, 1 + 0.55 * tall, 1, tall])
     at.set_facecolor("none")

@@ -25,12 +25,12 @@ _BLUE_TO_RED = LinearSegmentedColormap.from_list(
 def first_and_last(
     run: Run, measures: str | Sequence[str] | None = None, ax: object = None
 ) -> Panels:
-    """Draw the distribution of each measure in the first and in the last population, one panel per
-    measure. A panel counts the individuals that keep the constraints, by value. Marks above are
-    medians; target and bounds are dashed.
+    """Draw histograms of each measure for the first and for the last population, with one panel per
+    measure. The histograms count only individuals that keep the constraints. Marks above a
+    histogram show the medians. Dashed lines show the target and the bounds.
 
-    measures : names of the measures; by default those with a goal or bounds.
-    ax : matplotlib axes, one for each measure; by default new ones.
+    measures : names of the measures to draw; by default the measures with a goal or bounds.
+    ax : axes of matplotlib, one for each measure; by default the function makes new axes.
 
     Raises `RunError` if the run does not log a measure.
     """
@@ -87,12 +87,14 @@ def _span(values: np.ndarray) -> tuple[float, float]:
 def parallel(
     run: Run, of: object = None, measures: str | Sequence[str] | None = None, ax: Axes | None = None
 ) -> Axes:
-    """Draw parallel coordinates: a line per individual and an upright axis per measure. The better
-    end of an axis is above, if the run has a goal for it. The first measure colours the individuals
-    that keep the constraints; the others are grey and dotted.
+    """Draw parallel coordinates, with a line per individual and a vertical axis per measure. If the
+    run has a goal for a measure, the better values are at the top of its axis. If an individual
+    keeps the constraints, the colour of its line shows the first measure. Individuals that break a
+    constraint have grey dotted lines.
 
-    of : the individuals to draw, as a frame, ids or individuals; the living ones by default.
-    measures : names of the measures; by default those with a goal or bounds.
+    of : individuals to draw, as a data frame, ids or individuals; by default the living
+        individuals.
+    measures : names of the measures to draw; by default the measures with a goal or bounds.
 
     Raises `RunError` for a measure that the run does not log, and for an unknown id.
     """
@@ -173,9 +175,9 @@ def _alone(heights: np.ndarray) -> np.ndarray:
 
 
 def credit(run: Run, ax: Axes | None = None) -> Axes:
-    """Draw the credit of each operator. Bars count its births, the births that survived at least
-    one generation, and the births that entered the archive at once. A text gives the operator's
-    share of all ancestors of the living individuals.
+    """Draw the success of each operator as bars. The bars count the births of the operator, the
+    births that survived at least one generation, and the births that entered the archive. A text
+    beside the bars of an operator gives its share of the ancestors of the living individuals.
 
     Raises `RunError` if the run does not record its goals.
     """

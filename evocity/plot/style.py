@@ -24,7 +24,6 @@ from evocity.pictures.colours import FAINT, GROUND, INK, NOTHING, PAPER, ramp
 
 
 def colour_of(rgb: Sequence[int]) -> str:
-    """``#rrggbb``."""
     return "#" + bytes(rgb).hex()
 
 
@@ -71,17 +70,15 @@ def _png(figure: Figure) -> bytes:
 
 
 def panel(ax: Axes | None, width: float = 7.0, height: float = 4.5) -> Axes:
-    """Return ``ax``, or the axes of a new figure of ``width`` × ``height`` inches, in the common
-    style. Raises `EvocityError` for an object that is not axes."""
+    """Return ``ax``, or the axes of a new figure of ``width`` × ``height`` inches."""
     return panels(1, ax, width=width, height=height)[0]
 
 
 def panels(
     count: int, ax: object = None, *, columns: int = 2, width: float = 9.0, height: float = 2.6
 ) -> Panels:
-    """Return ``(count,)`` axes: those of ``ax``, one or several, or of a new figure ``width``
-    inches wide, with rows of ``height`` inches. Raises `EvocityError` for another number than
-    ``count``."""
+    """Return ``(count,)`` axes: those of ``ax``, or of a new figure ``width`` inches wide, with
+    rows of ``height`` inches. Raises `EvocityError` for another number than ``count``."""
     if ax is None:
         columns = max(1, min(columns, count))
         rows = max(1, -(-count // columns))
@@ -131,7 +128,6 @@ def whole_numbers(ax: Axes) -> None:
 
 
 def note(ax: Axes, text: str) -> None:
-    """Write a text in the middle of empty axes."""
     ax.text(0.5, 0.5, text, ha="center", va="center", fontsize=PLAIN, color=FAINTS,
             transform=ax.transAxes, wrap=True)  # fmt: skip
 
@@ -144,8 +140,7 @@ def key(ax: Axes, handles: Sequence, columns: int = 1, **place) -> None:
 
 
 def shared_key(axes: Panels, handles: Sequence) -> None:
-    """Draw a legend for several axes: above all of them in a figure of ours, else within the first,
-    on paper, since it may lie on the drawing."""
+    """Draw a legend for several axes: above all of them in a figure of ours, else in the first."""
     if isinstance(axes[0], Panel):
         axes[0].figure.legend(handles=list(handles), fontsize=SMALL, labelcolor=INKS, ncols=4,
                               frameon=False, loc="outside upper left")  # fmt: skip
@@ -179,9 +174,7 @@ def plain(text: str) -> str:
 
 
 def fit(ax: Axes) -> Axes:
-    """Cut surplus room beneath a figure of ours, and make room for a wide key; return ``ax``.
-    Pictures keep their shape, so their axes take the full width once the figure is made too
-    tall."""
+    """Cut surplus room beneath a figure of ours, and make room for a wide key; return ``ax``."""
     figure = ax.figure
     if isinstance(ax, Panel):
         figure.set_figheight(figure.get_figheight() + _TOO_TALL)
@@ -217,8 +210,7 @@ def lay(ax: Axes, picture: Image.Image | np.ndarray, place: Sequence[float]) -> 
 
 
 def map_on(ax: Axes, colours: np.ndarray, side: float, title: str = "") -> AxesImage:
-    """Draw a map's ``colours`` ``(H, W, 3)``, ``side`` metres per pixel, with a scale bar
-    beneath."""
+    """Draw a map's ``colours`` ``(H, W, 3)``, ``side`` metres per pixel, with a scale bar."""
     bare(ax)
     height, width = (n * side for n in colours.shape[:2])
     ax.set_xlim(0, width)
@@ -231,8 +223,8 @@ def map_on(ax: Axes, colours: np.ndarray, side: float, title: str = "") -> AxesI
 
 
 def scale_bar(ax: Axes, left: float, width: float, metres: float, below: float = 9) -> None:
-    """Draw a round length of at most a quarter of a map: ``width`` units wide, ``metres`` per unit,
-    ``below`` points beneath the axes, from ``left`` on."""
+    """Draw a round length of at most a quarter of a map ``width`` units wide, ``below`` points
+    beneath."""
     most = width * metres / 4
     power = 10.0 ** math.floor(math.log10(most))
     length = next(m * power for m in (5, 2, 1) if m * power <= most)
@@ -245,8 +237,8 @@ def scale_bar(ax: Axes, left: float, width: float, metres: float, below: float =
 
 
 def credit(ax: Axes, attribution: str, below: float = 16, label: str = "") -> None:
-    """Write the attribution ``below`` points beneath axes of maps, as wide as these; for axes with
-    a ``label`` of their x, beneath that."""
+    """Write the attribution ``below`` points beneath axes of maps; or beneath a ``label`` of their
+    x."""
     inches = ax.get_position().width * ax.figure.get_figwidth()
     letters = max(30, int(inches * 72 / (0.5 * SMALL)))
     text = plain("\n".join(textwrap.wrap(attribution, letters)))
@@ -274,6 +266,5 @@ def colour_scale(ax: Axes, colours: np.ndarray, low: float, high: float, label: 
 
 
 def height_scale(ax: Axes, highest: float) -> Axes:
-    """Draw the scale of heights, to ``highest`` metres."""
     heights = np.linspace(0, highest, 256, dtype=np.float32)[None]
     return colour_scale(ax, ramp(heights, highest)[0], 0, highest, "height, m")

@@ -4,6 +4,5 @@
 - `recipe`: the class `Recipe`; `sections`, `search_section`, `stop_and_notify`, `islands`,
   `mixture`, `measures`: the models of its sections
 - `values`: values beyond their types: files, maps, cities, names, places
-- `validation`: all faults of a recipe at once; `consistency`: faults between raw tables;
-  `cross_checks`: faults between valid sections
+- `validation`: all faults of a recipe at once; `consistency`: faults between its tables
 """

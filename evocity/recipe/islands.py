@@ -9,13 +9,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from evocity.errors import add_near_miss, spell
+from evocity.errors import add_near_miss, is_number, is_whole, spell
 from evocity.fitness import Aims, Measure
 from evocity.recipe.mixture import OperatorEntry, entry_table
 from evocity.recipe.search_section import AlgorithmName, SearchSection
 from evocity.recipe.sections import RunSection
 from evocity.recipe.values import Title
-from evocity.section import Fault, Section, is_number, is_whole
+from evocity.section import Fault, Section
 from evocity.selection.algorithms import algorithms
 
 #: The most islands of one search.
@@ -108,9 +108,8 @@ def island_tables(raw: Mapping) -> list[dict]:
 
 
 def fill_islands(raw: dict, noted: list[Mapping] | None = None) -> list[Fault]:
-    """Write names and populations that are missing into the islands of ``raw``; ``[run]`` gives the
-    population of all islands together. ``noted``: the islands of the run, if it is resumed. Returns
-    faults of the populations."""
+    """Write missing names and populations into the islands of ``raw``, and return faults of the
+    populations. ``noted``: the islands of the run, if it is resumed."""
     islands = island_tables(raw)
     for number, table in enumerate(islands):
         for key, value in (noted[number] if noted and number < len(noted) else {}).items():
@@ -226,7 +225,6 @@ def island_faults(recipe: Any) -> Iterator[Fault]:
 def _goal_faults(
     island: IslandSection, key: str, goals: list[tuple[Measure, str | None]]
 ) -> Iterator[Fault]:
-    """Yield the faults of an island's ``measures`` and ``weights``."""
     known = list(dict.fromkeys([*(m.name for m, _ in goals), *(t for _, t in goals if t)]))
     listed = island.measures or []
     for name in dict.fromkeys(listed):
@@ -245,8 +243,7 @@ def _goal_faults(
 
 
 def _closed_faults(key: str, algorithm: str) -> Iterator[Fault]:
-    """Yield the fault of an algorithm that takes no migrants: it breeds by itself, or depends on
-    the whole run."""
+    """Yield the fault of an algorithm that takes no migrants."""
     closed = [name for name, kind in algorithms().items() if kind.breeds_by or kind.replays]
     if algorithm in closed:
         found = f"{spell(algorithm)}, which breeds by itself: it takes no migrants from an island"

@@ -90,7 +90,8 @@ class MeasureEntry(Section):
         if self.file is None:
             if self.name is None:
                 raise fault(
-                    "neither name nor file is given", "the name of a measure, a file, or both"
+                    "this entry has neither a name nor a file",
+                    "the name of a measure, a file of measures, or both",
                 )
             try:
                 return named(self.name)
@@ -151,7 +152,8 @@ class FitnessEntry(MeasureEntry):
             if len(self.measures) > 1 and getattr(self, key) is not None:
                 names = ", ".join(measure.name for measure in self.measures)
                 raise fault(
-                    f"{key} cannot apply to all of {names}", "a name, which selects one measure"
+                    f"the key '{key}' needs one measure, but this entry has several: {names}",
+                    "the key 'name' with the name of one of these measures",
                 )
         for measure in self.measures:
             if self.like is not None and measure.needs:
@@ -161,8 +163,8 @@ class FitnessEntry(MeasureEntry):
             low, high = measure.range
             if bounds.get("min", high) > high or bounds.get("max", low) < low:
                 raise fault(
-                    f"{written} of {measure.name} is out of range",
-                    f"a value from {low:g} to {high:g}",
+                    f"{written} lies outside the range of {measure.name}",
+                    f"a bound from {low:g} to {high:g}",
                 )
         try:
             if self.like is None and self.is_objective:

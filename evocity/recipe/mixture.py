@@ -9,11 +9,11 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from evocity import operators
-from evocity.errors import add_near_miss, spell
+from evocity.errors import add_near_miss, is_number, is_whole, spell
 from evocity.genome import MOST_PARENTS, Genome
 from evocity.kinds import KINDS
-from evocity.operators.parameters import number_of
-from evocity.section import Fault, fault, is_number, is_whole
+from evocity.operators.parameters import number_of, wrong_types
+from evocity.section import Fault, fault
 
 #: The keys of a range.
 ENDS = ("from", "to")
@@ -49,7 +49,10 @@ def entry_table(value: Any) -> Any:
         return value
     if is_number(value):
         return {"weight": value}
-    raise fault(f"{value!r}", "a weight, or a table, for example { weight = 4, fill = 0.5 }")
+    raise fault(
+        f"{value!r} is neither a number nor a table",
+        "the operator's weight, or a table such as { weight = 4, fill = 0.5 }",
+    )
 
 
 @dataclass(frozen=True)
@@ -85,7 +88,7 @@ def is_range(kind: type, key: str, value: Any) -> bool:
     package's operator takes tables anyway, only a table with the keys of a range is one."""
     if not isinstance(value, Mapping) or number_of(kind, key) is None:
         return False
-    takes_tables = not operators.wrong_types(kind, {key: dict(value)})
+    takes_tables = not wrong_types(kind, {key: dict(value)})
     return not takes_tables or set(value) == set(ENDS)
 
 
@@ -123,12 +126,8 @@ def corners(ranges: Mapping[str, Range]) -> list[dict[str, str]]:
 
 @dataclass(frozen=True)
 class Drawn:
-    """The operator ``name`` of one birth, with the parameters ``drawn`` for this birth. It breeds
-    chromosomes ``of`` a kind.
-
-    The parameters are checked when it is called, so a fault costs only that birth. The child's
-    ``made`` holds them under "drawn".
-    """
+    """The operator ``name`` of one birth, with the parameters ``drawn`` for it, which its child's
+    ``made`` holds. They are checked when it is called, so a fault costs only that birth."""
 
     name: str
     parents: tuple[int, int | None]
@@ -172,20 +171,20 @@ def _split(spec: _Spec) -> tuple[dict[str, Any], dict[str, Range]]:
         for key, value in fixed.items()
     }
     accepted = operators.parameters_of(spec.kind) if spec.coding is not None else ()
-    coding = {key: spec.coding[key] for key in ("reach", "domains") if key in accepted}
+    own = getattr(spec.kind, "own_defaults", ())
+    coding = {
+        key: spec.coding[key] for key in ("reach", "domains") if key in accepted and key not in own
+    }
     return coding | fixed, ranges
-
-
-@lru_cache(1024)
-def _make_lowest(spec: _Spec):
-    """Make the operator without changes. An immutable one serves all births."""
-    return _make(spec)
 
 
 def _make(spec: _Spec, **changes):
     fixed, ranges = _split(spec)
     lowest = {key: one.low for key, one in ranges.items()}
     return operators.make(spec.name, **(fixed | lowest | changes))
+
+
+_make_lowest = lru_cache(1024)(_make)  # an immutable operator without changes serves all births
 
 
 def _make_shared(spec: _Spec, changes: Mapping[str, Any]):
@@ -195,8 +194,7 @@ def _make_shared(spec: _Spec, changes: Mapping[str, Any]):
 
 def operator_of(name: str, parameters: Mapping[str, Any], coding: Mapping | None, **changes):
     """Make the operator ``name`` with the ``parameters`` of its entry; ranges give their lower end.
-    ``coding``: the keys of ``[genome]``, whose reach and domains it takes unless it has its own.
-    Raises `OperatorError`."""
+    ``coding``: the keys of ``[genome]``, for its reach and domains. Raises `OperatorError`."""
     return _make_shared(_Spec.of(name, parameters, coding), changes)
 
 
@@ -204,8 +202,7 @@ def drawing_of(
     name: str, parameters: Mapping[str, Any], coding: Mapping | None
 ) -> Callable[..., operators.Operator]:
     """Make the function that makes the operator ``name`` for each birth, from a generator and
-    changes: as `operator_of` without ranges among its ``parameters``; else `Drawn`, which draws
-    them in their order, except those that change. Raises `OperatorError`."""
+    changes: as `operator_of`, or `Drawn` if ``parameters`` have ranges. Raises `OperatorError`."""
     return partial(_draw, _Spec.of(name, parameters, coding))
 
 

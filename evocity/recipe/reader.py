@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from evocity.bounded_toml import MOST_BYTES, LimitError, parse_toml
 from evocity.errors import RecipeError, cut_short, near_miss, plain_text, reason_of
 from evocity.recipe.recipe import Recipe
 from evocity.recipe.validation import fill_from_toml
@@ -15,12 +16,11 @@ _BUNDLED = Path(__file__).parent.parent / "data" / "recipes"
 
 
 def recipes() -> list[str]:
-    """List the names of the bundled recipes."""
+    """List the names of the recipes that are part of evocity."""
     return sorted(path.stem for path in _BUNDLED.glob("*.toml"))
 
 
 def _correction(text: str, error: tomllib.TOMLDecodeError) -> str:
-    """Say how to correct the line of a recipe's ``text`` that an ``error`` names."""
     match, lines = re.search(r"at line (\d+)", str(error)), text.splitlines()
     if match is None or int(match[1]) > len(lines):
         return "correct the end of the file"
@@ -30,7 +30,6 @@ def _correction(text: str, error: tomllib.TOMLDecodeError) -> str:
 
 
 def _neighbours(path: Path) -> list[str]:
-    """List the names of the TOML files in the folder of ``path``."""
     try:
         return [one.name for one in path.parent.glob("*.toml")]
     except OSError:
@@ -38,26 +37,29 @@ def _neighbours(path: Path) -> list[str]:
 
 
 def read_recipe(source: str | os.PathLike = "demo", **overrides: int | str | None) -> Recipe:
-    """Read and check a recipe.
+    """Read a recipe from a TOML file, and check it.
 
     Parameters
     ----------
     source : path to a TOML file, or name of a bundled recipe (see `recipes`).
-    overrides : values for generations, population, seed, workers, cluster, and ``until`` of
-        ``[stop]``. None keeps the recipe's own value.
+    overrides : new values for the recipe's keys ``generations``, ``population``, ``seed``,
+        ``workers`` and ``cluster``, and for ``until`` of ``[stop]``. An override with the value
+        None leaves the recipe's value unchanged.
 
     Raises
     ------
-    RecipeError : the recipe has faults. The message lists every fault with its key, what arrived
-        and what is allowed.
+    RecipeError : error if the recipe has faults. The message lists every fault with its key, the
+        value that arrived, and the values that are allowed.
 
-    Reading a recipe loads the user's own measures that the recipe names. This executes their files.
+    Reading a recipe executes the files of the user's own measures that the recipe names.
     """
     path = Path(source)
     if os.fspath(source) in recipes() and not path.is_file():
         path = _BUNDLED / f"{source}.toml"
     try:
-        text = path.read_bytes().decode()
+        with open(path, "rb") as file:
+            content = file.read(MOST_BYTES + 1)
+        text = content.decode(errors="replace" if len(content) > MOST_BYTES else "strict")
     except UnicodeDecodeError:
         raise RecipeError(
             f"{path} is not text in UTF-8", "a TOML file in UTF-8", "save the file as UTF-8"
@@ -89,28 +91,25 @@ def recipe_of(
 ) -> Recipe:
     """Read the recipe in ``text``; its paths are relative to ``folder``, messages call it ``name``.
 
-    ``overrides`` map keys such as "run.seed" to values that replace the recipe's. ``kept``, only
-    for a resumed run, maps files of measures to the files to execute in their place; the maps need
-    not exist any more, because the run has its own. ``defaults`` map keys, or whole sections, to
-    the values that an older release used for missing ones.
+    ``overrides`` map keys such as "run.seed" to values. ``kept``, only for a resumed run, whose
+    maps need not exist, maps files of measures to the files to execute in their place. ``defaults``
+    map keys, or sections, to the values that an older release used for missing ones.
     """
     try:
-        raw = tomllib.loads(text)
-    except RecursionError:
-        raise RecipeError(
-            f"{name} is nested too deeply",
-            "a TOML file with little nesting",
-            "nest lists only where a key accepts nested lists",
-        ) from None
+        raw = parse_toml(text)
+    except LimitError as error:
+        raise RecipeError(f"{name}: {error}", error.expected, error.remedy) from None
     except tomllib.TOMLDecodeError as error:
         raise RecipeError(
-            f"{name} is not TOML: {error}", "a TOML file", _correction(text, error)
+            f"{name} is not valid TOML: {error}",
+            "a file in the format TOML",
+            _correction(text, error),
         ) from None
     except ValueError:  # its own text is about Python
         raise RecipeError(
-            f"{name} holds a number of thousands of digits",
-            "numbers of ordinary length",
-            "shorten this number",
+            f"{name} contains a number with thousands of digits",
+            "numbers with fewer digits",
+            "shorten the long number",
         ) from None
     recipe = Recipe.__new__(Recipe)
     fill_from_toml(recipe, raw, text, folder, overrides, name, kept, defaults)

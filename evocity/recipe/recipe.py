@@ -55,8 +55,8 @@ from evocity.section import Section
 
 
 class Recipe(Section, Displayed):
-    """Checked recipe without faults. `evocity.read_recipe` reads a recipe from a file; the
-    constructor takes its sections.
+    """Recipe of a search, checked and without faults. The function `evocity.read_recipe` reads a
+    recipe from a file, and the constructor makes a recipe from its sections.
 
     >>> import evocity
     >>> recipe = evocity.Recipe(
@@ -69,18 +69,20 @@ class Recipe(Section, Displayed):
 
     Parameters
     ----------
-    folder : folder that relative paths in the recipe start from; by default the working directory.
-    sections : sections of a recipe (docs/recipe.md), as mappings of keys. The sections ``parents``,
-        ``fitness`` and ``islands`` are lists. A text in ``parents`` names a map; a text in
-        ``fitness``, or in ``record`` of ``run``, names a measure. An `evocity.fitness.Measure` may
-        replace the name of a measure.
+    folder : folder at which relative paths in the recipe start; by default the working directory.
+    sections : sections of the recipe (docs/recipe.md), each a mapping of keys to values. The
+        sections ``parents``, ``fitness`` and ``islands`` are lists. A string in the section
+        ``parents`` names a map. A string in the section ``fitness``, or in the key ``record`` of
+        the section ``run``, names a measure. An `evocity.fitness.Measure` may replace the name of a
+        measure.
 
-    Raises `RecipeError`, which lists every fault with its key.
+    The attribute ``text`` holds the recipe as TOML. The attribute ``overrides`` maps keys to the
+    values that replaced the values in the file, as in ``{"run.seed": 8}``. The attribute ``file``
+    is the name of the recipe's file in ``folder``, or None for a recipe that was not read from a
+    file.
 
-    A recipe also has the attributes below. The attribute ``text`` holds the TOML. The attribute
-    ``overrides`` maps keys to the values that replaced those of the file, as in ``{"run.seed":
-    8}``. The attribute ``file`` is the recipe's name in ``folder``; it is None if the recipe was
-    not read from a file.
+    If the recipe has faults, the constructor raises `RecipeError` with a list of all faults and
+    their keys.
     """
 
     run: RunSection = RunSection()
@@ -115,7 +117,7 @@ class Recipe(Section, Displayed):
     @model_validator(mode="after")
     def _complete_records(self, info: ValidationInfo) -> "Recipe":
         """Drop from recorded files the measures that `fitness` logs already. Record the measures
-        that algorithms need, if they are known; `evocity.recipe.cross_checks` reports the others.
+        that algorithms need, if they are known; `evocity.recipe.consistency` reports the others.
         """
         logged = {measure.name for measure in self.measures}
         for entry in self.run.record:
@@ -146,40 +148,40 @@ class Recipe(Section, Displayed):
 
     @property
     def kind(self) -> Kind:
-        """The kind of chromosomes that the run breeds."""
+        """Kind of chromosomes that the run breeds, such as fabric."""
         return KINDS[self.run.kind]
 
     @property
     def window(self) -> Window:
-        """Square window that contains every genome."""
+        """Square window that every map of the run covers."""
         return Window(self.map.pixels, self.map.metres_per_pixel)
 
     @property
     def default_out(self) -> Path:
-        """Run folder unless the user names another: runs/<name>."""
+        """Default run folder, runs/<name>, where <name> is the name of the run."""
         return Path("runs") / self.run.name
 
     @property
     def entries(self) -> list[MeasureEntry]:
-        """All entries that are measured: first those of ``fitness``, then those that are only
-        recorded."""
+        """Entries of all measures: first the entries of the section ``fitness``, then the entries
+        of measures that the run only records."""
         return [*self.fitness, *self.recording]
 
     @property
     def recording(self) -> list[MeasureEntry]:
-        """Entries that are only recorded: those of ``run.record``, and those that algorithms
-        need."""
+        """Entries of measures that the run only records, because ``run.record`` names them or
+        because an algorithm needs them."""
         return [*self.run.record, *self._described]
 
     @property
     def measures(self) -> list[Measure]:
-        """Measures that are goals or constraints, in the order of the recipe."""
+        """Measures that are goals or constraints, in the order of the recipe's entries."""
         return [measure for entry in self.fitness for measure in entry.measures]
 
     @property
     def goals(self) -> tuple[str, ...]:
-        """Names of the measures that the search optimises, and of the sums of measures that it
-        optimises."""
+        """Names of the goals that the search optimises: single measures, and weighted sums of
+        measures."""
         names = (
             entry.total or measure.name
             for entry in self.fitness
@@ -190,18 +192,18 @@ class Recipe(Section, Displayed):
 
     @property
     def recorded(self) -> list[Measure]:
-        """Measures that are only recorded."""
+        """Measures that the run records, but that are neither goals nor constraints."""
         return [measure for entry in self.recording for measure in entry.measures]
 
     @property
     def limits(self) -> dict[str, tuple[float, float]]:
-        """Lowest and highest value that each measure can take, as the measure declares."""
+        """Lowest and highest possible value of each measure, by the name of the measure."""
         return {one.name: one.range for one in [*self.measures, *self.recorded]}
 
     @property
     def local(self) -> list["Recipe"]:
-        """Recipe of each island, with the island's own operators and search. Without islands, the
-        list has only this recipe."""
+        """Recipe of each island, with the island's own operators and its own algorithm. If the
+        recipe has no islands, the list contains only the recipe itself."""
         return [
             self.model_copy(
                 update={
@@ -215,27 +217,28 @@ class Recipe(Section, Displayed):
 
     @property
     def slots(self) -> list[range]:
-        """Births of a generation that each island breeds, as ranges of their numbers (slots).
-        Without islands, one range of all births."""
+        """Slots of each island, where slots are the numbers of the births within a generation. In a
+        recipe without islands, one range contains all slots."""
         ends = [0]
         for island in self.islands:
             ends.append(ends[-1] + island.population)
         return [range(*ends) for ends in pairwise(ends)] or [range(self.run.population)]
 
     def at(self, slot: int) -> "Recipe":
-        """Return the recipe of the island that breeds the birth at ``slot``."""
+        """Return the recipe of the island that breeds birth number ``slot`` of a generation."""
         pairs = zip(self.local, self.slots, strict=True)
         return next(recipe for recipe, slots in pairs if slot in slots)
 
     @property
     def described(self) -> tuple[str, ...]:
-        """Names of measures that algorithms need of every birth, besides the goals."""
+        """Names of the measures that an algorithm of the run needs for every birth, in addition to
+        the goals."""
         return tuple(dict.fromkeys(name for one in self.local for name in one.search.described))
 
     @property
     def mixtures(self) -> list[dict[str, float]]:
-        """Weights of the operators, by name, on each island. The weights are empty for an island
-        whose algorithm breeds by itself."""
+        """Weights of the operators by name, one mapping for each island. The result leaves out
+        islands whose algorithm requires an operator of its own."""
         return [
             {name: entry.weight for name, entry in one.operators.items()}
             for one in self.local
@@ -244,8 +247,9 @@ class Recipe(Section, Displayed):
 
     @property
     def worker_count(self) -> int:
-        """Number of workers: ``workers``, or else the number of cores that this process may use.
-        For an embedded cluster, the number of processes of all its workers."""
+        """Number of worker processes: the key ``workers``, or else the number of cores that this
+        process may use. With an embedded cluster, the number of workers is the number of all
+        processes of the cluster."""
         workers, cluster = self.evaluation.workers, self.evaluation.cluster or ""
         if cluster.startswith("local:"):
             return int(cluster.removeprefix("local:")) * (workers or 1)
@@ -253,7 +257,7 @@ class Recipe(Section, Displayed):
 
     @property
     def breeding(self) -> list[str]:
-        """Operators that may breed: those of the mixture or of the algorithm, and the operator of
+        """Names of the operators that may breed in the run, including the operator of
         refinement."""
         if self.islands:
             return list(dict.fromkeys(name for one in self.local for name in one.breeding))
@@ -264,7 +268,7 @@ class Recipe(Section, Displayed):
 
     def parent_named(self, name: str) -> Parent | None:
         """Return the parent that the recipe calls ``name``, or else the parent whose map has this
-        name. Return None for an unknown name, and for a text that is itself the name of a map."""
+        name. Return None if no parent has this name, or if ``name`` is a map itself."""
         given = next((parent for parent in self.parents if parent.title == name), None)
         if given is not None or is_map(self.folder, name):
             return given
@@ -272,35 +276,37 @@ class Recipe(Section, Displayed):
         return self.parents[names.index(name)] if name in names else None
 
     def operator(self, name: str, **changes: Any) -> Operator:
-        """Make the operator called ``name`` with the parameters of the recipe; ``changes`` replace
-        some of them. A range gives its lower end.
+        """Make the operator called ``name`` with the parameters of the recipe. The keyword
+        arguments ``changes`` replace values of the recipe. A parameter with a range gets the lower
+        end of its range.
 
-        Its ``reach`` and ``domains`` are those of ``[genome]``, unless the recipe gives the
-        operator its own.
+        The operator takes the parameters ``reach`` and ``domains`` from the section ``[genome]``,
+        unless the operator's entry in the recipe has these keys, or the operator's attribute
+        ``own_defaults`` names them.
         """
         return operator_of(name, self.parameters(name), self.genome.coding, **changes)
 
     def operator_drawn(self, name: str, rng: np.random.Generator, **changes: Any) -> Operator:
-        """Make the operator called ``name`` for one birth, as `operator` does. The generator
-        ``rng`` draws each parameter that has a range. If no parameter has a range, nothing is
-        drawn."""
+        """Make the operator called ``name`` for one birth, like the method `operator`. The random
+        generator ``rng`` draws the value of each parameter that has a range."""
         return self.drawing(name)(rng, **changes)
 
     def drawing(self, name: str) -> Callable[..., Operator]:
-        """Make a function that calls `operator_drawn` for the same ``name`` in many births. The
-        function takes a generator, and changes of parameters."""
+        """Make a function that calls `operator_drawn` with the operator's name, for many births.
+        The returned function takes a random generator, and new values of parameters."""
         return drawing_of(name, self.parameters(name), self.genome.coding)
 
     def takes(self, name: str, key: str) -> bool:
-        """Tell whether the operator called ``name`` has a parameter ``key``."""
+        """Tell whether the operator called ``name`` has a parameter called ``key``."""
         return key in operators.parameters_of(operators.operators()[name])
 
     def ranged(self, name: str, key: str) -> bool:
-        """Tell whether the recipe gives a range for a parameter of the operator called ``name``."""
+        """Tell whether the recipe gives a range for the parameter ``key`` of the operator called
+        ``name``."""
         value = self.parameters(name).get(key)
         return is_range(operators.operators()[name], key, value)
 
     def parameters(self, name: str) -> dict[str, Any]:
-        """Return the parameters that the recipe gives to the operator called ``name``, as in
+        """Return the parameters of the operator called ``name`` as the recipe writes them in
         TOML."""
         return self.operators.get(name, OperatorEntry()).parameters

@@ -57,7 +57,8 @@ class EvaluationSection(Section):
     def _check_cluster(self) -> "EvaluationSection":
         if self.workers == 0 and self.cluster not in (None, "none"):
             raise fault(
-                "workers = 0 is given with a cluster", "1 or more workers, or only one of the keys"
+                "workers = 0 is given together with a cluster",
+                "workers = 1 or more; or only one of the keys 'workers' and 'cluster'",
             )
         return self
 

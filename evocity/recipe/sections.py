@@ -95,7 +95,10 @@ class Parent(Section):
             raise fault("run without id" if self.run else "id without run", "both, or neither")
         if self.map is None and (map_keys := self.model_fields_set.intersection(_MAP_KEYS)):
             keys = ", ".join(sorted(map_keys))
-            raise fault(f"{keys} cannot go with {given[0]}", "these keys only together with map")
+            raise fault(
+                f"the key '{given[0]}' is given together with {keys}",
+                f"the key 'map' in place of '{given[0]}', or a parent without {keys}",
+            )
         return self
 
     @property
@@ -151,7 +154,8 @@ class CourseSection(Section):
         return self
 
 
-def _read_block(value: Any) -> Any:
+def read_block(value: Any) -> Any:
+    """Read the sides of range blocks, px: one, or the finest and the largest."""
     if isinstance(value, bool) or not isinstance(value, int | str):
         raise fault(spell(value), 'a side of range blocks such as 4, or a range such as "2-16"')
     try:
@@ -172,7 +176,7 @@ class GenomeSection(Section):
     measures, pictures and exports.
     """
 
-    block: Annotated[int | tuple[int, int], BeforeValidator(_read_block)] = USUAL
+    block: Annotated[int | tuple[int, int], BeforeValidator(read_block)] = USUAL
     lifs: int | None = Field(None, ge=1)
     max_error: float | None = Field(None, ge=0, allow_inf_nan=False)
     domains: Annotated[

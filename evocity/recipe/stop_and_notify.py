@@ -37,13 +37,11 @@ def moment_of(text: str, now: datetime | None = None) -> datetime | None:
 
 
 def _write_toml_date(value: Any) -> Any:
-    """Write TOML's own times and dates as texts."""
     return value.isoformat() if isinstance(value, datetime | time) else value
 
 
 class StopSection(Section):
-    """``[stop]``: the rules that end a run before its last generation, applied after each
-    generation.
+    """``[stop]``: the rules that end a run before its last generation.
 
     ``until``: a time of the day, or a date with a time. ``target``: measure -> value; one of the
     living must reach all of them and keep all constraints. ``stagnation``: generations without
@@ -84,7 +82,8 @@ def _check_command(text: str) -> str:
         words = shlex.split(text)
     except ValueError as error:
         raise fault(
-            f"{spell(text)} ({error})", "a command with its arguments, quoted as in a shell"
+            f"{spell(text)} cannot be split into words ({error})",
+            "a command and its arguments, with quotes as in a shell",
         ) from None
     if not words or "\0" in text:
         raise fault(spell(text), "a command: a program and its arguments")

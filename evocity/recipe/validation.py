@@ -14,8 +14,7 @@ from pydantic import BaseModel, ValidationError
 from evocity.errors import RecipeError, add_near_miss, spell
 from evocity.fitness import Measure
 from evocity.kinds import KINDS
-from evocity.recipe.consistency import raw_faults
-from evocity.recipe.cross_checks import cross_faults
+from evocity.recipe.consistency import cross_faults, raw_faults
 from evocity.recipe.islands import (
     IslandSection,
     algorithm_keys,
@@ -39,8 +38,8 @@ def fill_from_sections(recipe: BaseModel, sections: Mapping[str, Any], folder: P
     except (TypeError, ValueError, RecursionError) as error:
         raise RecipeError(
             f"the recipe cannot be written as TOML ({error})",
-            "texts, numbers, booleans, and lists and mappings of these",
-            "leave out keys that have no value",
+            "values that are texts, numbers or booleans, or lists or mappings of such values",
+            "remove values of other types, such as a None in a list",
         ) from None
     fill_from_toml(recipe, tomllib.loads(text), text, folder, {}, "the recipe")
 
@@ -132,7 +131,6 @@ def _write_faults(faults: Iterable[Fault]) -> list[str]:
 
 
 def _read_kind(raw: Mapping) -> str:
-    """Read the kind of chromosome; "fabric" if ``raw`` has none that is known."""
     section = raw.get("run", {})
     kind = section.get("kind") if isinstance(section, dict) else None
     return kind if isinstance(kind, str) and kind in KINDS else "fabric"
@@ -153,8 +151,7 @@ def _read_parents(raw: Mapping) -> list[tuple[str | None, str]]:
 
 
 def _algorithm_faults(raw: Mapping, model: type[BaseModel]) -> Iterator[Fault]:
-    """Yield the faults of the algorithms' own keys, in ``[search]`` and on islands; those of an
-    unknown algorithm are skipped."""
+    """Yield the faults of known algorithms' own keys, in ``[search]`` and on islands."""
     cases: list[tuple[tuple, str, Mapping, Mapping]] = []  # location, algorithm, given, own keys
     section = raw.get("search", {})
     name = section.get("algorithm", DEFAULT) if isinstance(section, dict) else None
@@ -212,7 +209,6 @@ _PHRASES = {
 
 
 def _translate(error: Mapping, model: type[BaseModel]) -> Fault:
-    """Translate one of pydantic's errors into a fault."""
     kind, details, location = error["type"], error.get("ctx", {}), error["loc"]
     if kind == "extra_forbidden":
         return _write_key(location), *_unknown_key(location[-1], _known_keys(location, model))
@@ -254,8 +250,7 @@ def _known_keys(location: tuple, recipe: type[BaseModel]) -> list[str]:
 
 
 def _name_measure(fault: Fault, location: tuple, raw: Mapping) -> Fault:
-    """Add the measure or the file of an entry of [[fitness]] to the key of its ``fault``, unless
-    the fault names it already."""
+    """Add the measure or the file of an entry of [[fitness]] to the key of its ``fault``."""
     key, found, allowed = fault
     if location[:1] != ("fitness",) or len(location) < 2:
         return fault

@@ -14,10 +14,10 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 from pydantic_core import PydanticCustomError
 
 from evocity import io
-from evocity.errors import MapError, add_near_miss, spell
+from evocity.errors import MapError, add_near_miss, is_number, spell
 from evocity.genome import VOID
 from evocity.io.heights import TALLEST
-from evocity.section import Finite, fault, is_number, text_for
+from evocity.section import Finite, fault, text_for
 
 #: The most workers of an embedded cluster.
 _MOST_EMBEDDED = 256
@@ -42,6 +42,17 @@ def cluster_of(text: str) -> str | None:
     if remote is None and (embedded is None or int(embedded[1]) > _MOST_EMBEDDED):
         raise ValueError(text)
     return text
+
+
+def describe_reach(address: str | None) -> list[str]:
+    """Say who can reach a cluster at an ``address`` without TLS; nothing for any other cluster."""
+    if address is None or not address.startswith("tcp://"):
+        return []
+    return [
+        f"the cluster at {address} uses no TLS: anyone who reaches this address or its workers can "
+        "execute any program as their user, and anyone on the network between can read and change "
+        "what is sent; use it only in a network that you trust, or use tls://"
+    ]
 
 
 def resolve_path(folder: Path, name: str) -> str:
@@ -102,7 +113,8 @@ def _check_path(name: str, info: ValidationInfo) -> str:
         Path(resolve_path(info.context["folder"], name)).is_file()
     except (OSError, RuntimeError, ValueError):  # too long, of an unknown user, with a NUL
         raise fault(
-            f"{spell(name)} is not a path", "the path of a file, relative to the recipe"
+            f"{spell(name)} cannot be used as a path",
+            "the path of a file, relative to the recipe's folder",
         ) from None
     return name
 
@@ -117,12 +129,13 @@ def _is_there(name: str, info: ValidationInfo, inside: str = "") -> bool:
     return _is_resumed(info) or path.is_file()
 
 
-def _file(noun: str, allowed: str, inside: str = "") -> AfterValidator:
-    """Make the check of a path to a file, or to a folder with the file ``inside``."""
-
+def _file(noun: str, inside: str = "") -> AfterValidator:
     def check(name: str, info: ValidationInfo) -> str:
         if not _is_there(name, info, inside):
-            raise fault(f"{spell(name)} is not {noun}", f"{allowed}, relative to the recipe")
+            raise fault(
+                f"{spell(name)} is not {noun}",
+                f"the path of {noun}, relative to the recipe's folder",
+            )
         return name
 
     return AfterValidator(check)
@@ -131,8 +144,6 @@ def _file(noun: str, allowed: str, inside: str = "") -> AfterValidator:
 def _file_or_name(
     file: str, named: str, known: Callable[[], Collection[str]]
 ) -> Callable[[str, ValidationInfo], str]:
-    """Make the check of a path to a ``file``, or one of the ``known`` names."""
-
     def check(name: str, info: ValidationInfo) -> str:
         if name in known() or _is_there(name, info):
             return name
@@ -158,7 +169,8 @@ def _check_city(name: str, info: ValidationInfo) -> str:
     named = [place for other, place in parents if other == name]
     if len(named) > 1:
         raise fault(
-            f"{spell(name)} is the name of {len(named)} parents", "a name of only one parent"
+            f"{spell(name)} is the name of {len(named)} parents",
+            "a name that only one parent has",
         )
     if _is_resumed(info):
         return name
@@ -176,7 +188,7 @@ def _check_city(name: str, info: ValidationInfo) -> str:
         raise fault(found, allowed) from None
     if named and named[0] != name:
         raise fault(
-            f"{spell(name)} is the name of a parent and of another map",
+            f"{spell(name)} is the name of a parent, but another map has the same name",
             "another name for the parent, or another path for the map",
         )
     return city
@@ -184,18 +196,23 @@ def _check_city(name: str, info: ValidationInfo) -> str:
 
 def _check_title(text: str) -> str:
     if not text.strip() or any(c in '/\\:*?"<>|' or ord(c) < 32 for c in text) or text[0] == ".":
-        raise fault(f"{text!r}", "a valid name for a folder")
+        raise fault(
+            f"{text!r} cannot be the name of a folder",
+            'a name without / \\ : * ? " < > | and without a dot at its beginning',
+        )
     return text
 
 
 def _check_lon_lat(center: list[float]) -> list[float]:
     if len(center) != 2 or abs(center[0]) > 180 or abs(center[1]) >= 90:
-        raise fault(f"{center}", "2 numbers: longitude within ±180°, then latitude within ±90°")
+        raise fault(
+            f"{center} is not a position in degrees",
+            "a list of 2 numbers: the longitude within ±180°, then the latitude within ±90°",
+        )
     return center
 
 
 def _read_heights(value: Any, info: ValidationInfo) -> float | str:
-    """Read metres, or a map's name."""
     if isinstance(value, str):
         return _check_map(_check_path(value, info), info)
     if not is_number(value) or not 0 <= value <= TALLEST:
@@ -218,11 +235,11 @@ FileName = Annotated[str, AfterValidator(_check_path)]
 MapName = Annotated[FileName, AfterValidator(_check_map)]
 CityName = Annotated[str, AfterValidator(_check_city)]
 Cities = Annotated[Any, BeforeValidator(_read_reference)]
-ExistingFile = Annotated[FileName, _file("a file", "a file")]
+ExistingFile = Annotated[FileName, _file("a file")]
 ShapeName = Annotated[
     FileName, AfterValidator(_file_or_name("a shape file", "known shape", _known_shapes))
 ]
-RunFolder = Annotated[FileName, _file("a run folder", "a run folder", _RUN_FILE)]
+RunFolder = Annotated[FileName, _file("a run folder", _RUN_FILE)]
 Heights = Annotated[float | str | None, BeforeValidator(_read_heights)]
 LonLat = Annotated[list[Finite], AfterValidator(_check_lon_lat)]
 Title = Annotated[str, Field(max_length=100), AfterValidator(_check_title)]

@@ -3,7 +3,7 @@
 from collections import Counter
 from dataclasses import dataclass
 
-from evocity.search.record.diff import DIFFERS, describe_differences
+from evocity.search.record.complete_run import DIFFERS, describe_differences
 from evocity.store import STATUSES, RunLog
 
 # A smaller share of different genomes is worth a word.
@@ -37,7 +37,7 @@ def failures(run: RunLog) -> list[Failure]:
 
 
 def unrecorded(run: RunLog) -> str:
-    """Say in words how many ok births of the ``run`` lack the value of a recorded measure or of a
+    """Describe in words how many births with status ok lack a value of a recorded measure or of a
     constraint. Return "" if no birth lacks a value. Raises as `failures`."""
     births = run.births(columns=["status", "error"]).to_pylist()
     lacking = [one["error"] for one in births if one["status"] == "ok" and one["error"]]
@@ -50,8 +50,8 @@ def unrecorded(run: RunLog) -> str:
 
 
 def repeated(run: RunLog) -> str:
-    """Say in words that most births of the ``run`` share their genome with another birth. Return ""
-    if at least a quarter of the births differ. Raises as `failures`."""
+    """Describe in words that most births of the ``run`` have the same genome as another birth.
+    Return "" if at least a quarter of the births have different genomes. Raises as `failures`."""
     genomes = [one for one in run.births(columns=["genome"])["genome"].to_pylist() if one]
     different = len(set(genomes))
     if different >= _DIFFERENT * len(genomes):
@@ -60,15 +60,16 @@ def repeated(run: RunLog) -> str:
 
 
 def differing(run: RunLog) -> list[dict]:
-    """Return the births that differed when the ``run`` replayed them by itself, oldest first. Each
-    has its generation, its id, and ``differs``, see `evocity.search.resume.replay.Replayed`."""
+    """Return the births that gave a different result when the ``run`` replayed them as a check,
+    oldest first. Each entry is a mapping with the keys ``generation``, ``id`` and ``differs``, see
+    `evocity.search.resume.replay.Replayed`."""
     keys = ("generation", "id", "differs")
     listed = [{key: one.get(key) for key in keys} for one in run.events() if _is_whole(one)]
     return list({one["id"]: one for one in reversed(listed)}.values())[::-1]
 
 
 def differing_told(run: RunLog) -> str:
-    """Describe the result of `differing` in words; "" if no birth differed."""
+    """Describe in words which replayed births differed. Return "" if no birth differed."""
     births = differing(run)
     if not births:
         return ""

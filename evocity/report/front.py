@@ -20,13 +20,10 @@ _MOST_DOTS, _MOST_PAIRS = 2000, 6
 
 @dataclass(frozen=True)
 class Front:
-    """Values of the section of the front."""
-
     shown: ShownBirths
 
     @property
     def pairs(self) -> int:
-        """The number of pairs of measures."""
         count = len(self.shown.births.aims)
         return count * (count - 1) // 2
 
@@ -45,11 +42,7 @@ class Front:
 
 def pairs_to_show(births: Births) -> list[tuple[int, int]]:
     """Choose pairs of measures, by their indices: all of up to four measures; of more, first pairs
-    of goals, then those most in conflict.
-
-    The conflict of two measures is the negative correlation of their losses over the last
-    generation, or over all births where that generation is too small.
-    """
+    of goals, then those with the lowest correlation of their losses over the last generation."""
     every = list(combinations(range(len(births.aims)), 2))
     if len(every) <= _MOST_PAIRS:
         return every
@@ -67,8 +60,7 @@ def pairs_to_show(births: Births) -> list[tuple[int, int]]:
 
 
 def _plot(shown: ShownBirths, x: int | None, y: int) -> Markup:
-    """Measure ``y`` over measure ``x``; over the generation of birth where ``x`` is None. Births
-    that break a constraint are crosses, beneath all others."""
+    """Measure ``y`` over measure ``x``, or over the generation of birth where ``x`` is None."""
     births = shown.births
     ids, born, measured = births.ids, births.generation, births.values
     across = born if x is None else measured[:, x]
@@ -105,8 +97,7 @@ def _axis(aim: Aim) -> Axis:
 
 
 def curves(run: Run) -> Iterator[Markup]:
-    """Draw hypervolume, the algorithm's figures, and the best of each goal over the generations;
-    nothing for a single generation."""
+    """Draw hypervolume, figures and the best of each goal, of several generations."""
     history = run.columns.history
     if len(history) < 2:
         return

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from evocity.analysis.births import Births
-from evocity.analysis.fabric_genomes import built_shares, share_text
+from evocity.analysis.individual import built_shares, share_text
 from evocity.genome import VOID
 from evocity.pictures import city_colours
 from evocity.report.pictures import Pictures
@@ -17,7 +17,6 @@ from evocity.report.shown_births import Shown, ShownBirths
 from evocity.store import Birth
 from evocity.templates import number
 
-# What the void among the cities is.
 #: The words for the share of no city: bare ground in place of buildings.
 _OPEN_GROUND = "open ground added"
 
@@ -80,7 +79,6 @@ class Lineage:
 
     @property
     def made(self) -> str:
-        """The parameters and results that the operator recorded."""
         return json.dumps(dict(self.birth.made), ensure_ascii=False, default=str)
 
     @property
@@ -101,12 +99,10 @@ class Card:
 
     @property
     def rows(self) -> list[Row]:
-        """Its measures."""
         return rows_of(self.shown.births, self.entry.birth.values)
 
     @property
     def breaks(self) -> bool:
-        """Whether it breaks a constraint."""
         return self.entry.birth.id in self.shown.broken
 
     @property
@@ -133,7 +129,6 @@ class Card:
 
     @property
     def lineage(self) -> Lineage:
-        """Its cities and parents."""
         return Lineage(self.shown, self.entry.birth)
 
 
@@ -146,7 +141,6 @@ class Galleries:
 
     @cached_property
     def living(self) -> list[Card]:
-        """Cards of the last generation."""
         return self._cards(self.shown.shown)
 
     @cached_property
@@ -203,7 +197,6 @@ class Parent:
 
 
 def parents(shown: ShownBirths, pictures: Pictures) -> list[Parent]:
-    """Return the source cities."""
     first = {birth.id: birth.values for birth in shown.source_births}
     colours = city_colours([source.name for source in shown.sources])
     return [

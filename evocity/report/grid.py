@@ -38,13 +38,14 @@ _PARENT = (63, 116, 163)  # the report's colour of the first population
 
 
 def grid_picture(run: Run, island: str | None = None) -> Image.Image:
-    """Draw the grid of a run, or of an ``island``. The first descriptor runs to the right, the
-    second upwards; each cell of a third descriptor has its own slice. Each filled cell shows the
-    map of its best birth, with its id if there is room. A bar beneath shows the quality of that
-    birth. The bar's scale runs from the reference point to the best of all cells. A frame marks the
-    cells of the parents' codes.
+    """Draw the grid of births of a run, or of an ``island``. The first descriptor increases to the
+    right, and the second descriptor increases upwards. If the grid has a third descriptor, each
+    interval of the third descriptor has a separate picture. Each filled cell shows the map of its
+    best birth, with the id of the birth if there is room. A bar below each map shows the quality of
+    the birth. The scale of the bars runs from the reference point of the hypervolume to the best
+    birth of all cells. A frame marks the cells that contain the genomes of the parents.
 
-    Raises ValueError if there is no grid.
+    Raises ValueError if the run, or the island, has no grid.
     """
     births = run.columns
     binned = births.grids.get(island)
@@ -76,15 +77,15 @@ def grid_picture(run: Run, island: str | None = None) -> Image.Image:
 
 
 def run_picture(run: Run) -> Image.Image:
-    """Draw a run as one picture: its grid if it has one, otherwise `contact_sheet`. Raises
-    `RunError` if the run has no complete generation yet, or is damaged."""
+    """Draw a run as one picture. The picture is the grid if the run has a grid, otherwise a
+    `contact_sheet`. Raises `RunError` if the run has no complete generation yet, or is damaged."""
     return grid_picture(run) if None in run.columns.grids else contact_sheet(run)
 
 
 @dataclass(frozen=True)
 class _Layout:
-    """The places of cells in the picture: the ``side`` of a cell, px; ``slices``, the cells of the
-    third descriptor, (0,) without one; ``across`` of them in a row; ``maps`` in the cells."""
+    """The places of cells: the ``side`` of a cell, px; ``slices`` of the third descriptor;
+    ``across`` of them in a row; ``maps`` in the cells."""
 
     grid: Grid
     side: int

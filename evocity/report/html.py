@@ -2,18 +2,19 @@
 
 import os
 from base64 import b64encode
+from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
 
 from markupsafe import Markup
 
-from evocity.analysis import open_run
-from evocity.errors import RunError, reason_of
-from evocity.files import whole_file
+from evocity.analysis import Aim, Run, open_run
+from evocity.analysis.export import report_write_errors, written_file
+from evocity.fitness import measures
+from evocity.fitness.part import own_name
 from evocity.report import tables
 from evocity.report.front import Front, curves
 from evocity.report.gallery import Galleries, city_key, parents
-from evocity.report.glossary import WORDS, measure_texts
 from evocity.report.grid import grid_picture
 from evocity.report.islands import Islands, island_curves
 from evocity.report.pictures import pictures_of, scale_colours
@@ -21,7 +22,51 @@ from evocity.report.plots import ticks
 from evocity.report.shortlist import best_of_last, search_for, shortlist_cards, title_of
 from evocity.report.shown_births import ShownBirths
 from evocity.report.summary import Summary
+from evocity.store.run_directory import RunDirectory
 from evocity.templates import data_uri, templates_of
+
+#: Word -> explanation. Templates explain a word at its first place, and list all at the end.
+WORDS = {
+    "birth": "One child: bred, decoded, measured and logged, whether it survives or not.",
+    "generation": (
+        "As many births as the population has places, and then the selection of the survivors."
+    ),
+    "genome": "A city coded as an iterated function system: one lifs per range block.",
+    "lifs": (
+        "A gene: the function that rebuilds one square of the map, its range block, from a "
+        "larger square."
+    ),
+    "range block": "A square of the map that one lifs rebuilds. Range blocks tile the whole map.",
+    "operator": (
+        "A function that makes a child of one parent or several: mutation, crossover or fusion."
+    ),
+    "constraint": (
+        "A measure that must lie between bounds. Individuals that keep all constraints rank "
+        "before those that break one."
+    ),
+    "dominate": "To be at least as good in every goal, and better in one.",
+    "front": "The individuals that no other dominates: a set of compromises, not one best city.",
+    "rank": "0 for the front, 1 for the front of the others, and so on.",
+    "archive": (
+        "The births of the whole run that no other dominates, or the best of each cell of a "
+        "grid. Some are no longer alive."
+    ),
+    "hypervolume": (
+        "The volume of all scores that the living reach or surpass: how good they are together."
+    ),
+    "crowding": "The distance of a birth from its neighbours on the front: the larger, the rarer.",
+    "compromise": (
+        "The individual whose largest distance from the best of any goal is the smallest."
+    ),
+    "island": "One of several populations in a run. Their best individuals migrate between them.",
+    "qd score": (
+        "Quality-diversity score: the sum, over the filled cells of the grid, of how far the best "
+        "of each is better than a reference point."
+    ),
+    "coverage": "The share of the grid's cells that are filled.",
+    "cells": "The number of the grid's cells that are filled.",
+    "seed": "The number behind all random draws of a run: the same seed gives the same births.",
+}
 
 TEMPLATES = Path(__file__).parent / "templates"
 
@@ -33,26 +78,31 @@ _POLICY = (
 
 
 def write_report(run_folder: str | os.PathLike, output: str | os.PathLike | None = None) -> Path:
-    """Write a run's report into its folder as ``report.html``, or to ``output``. Return its path.
+    """Write the report of a run as a web page. Return the path of the page: ``output``, or by
+    default ``report.html`` in the run folder.
 
-    The page needs no other file. It shows which individuals to keep and why, the parents, the
-    front, and curves. It also has galleries of the last generation and of the archive, tables of
-    births and failures, settings, and attributions. The report executes nothing in the folder.
-    Raises `RunError` if there is no run, if no generation is complete, or if the page cannot be
-    written.
+    The page needs no other file. The page shows which individuals to keep and why, the parents, the
+    front, and curves over the generations. The page has galleries of the last generation and of the
+    archive, and tables of births and failures. The page ends with the settings of the run and the
+    attributions. Writing the report executes no file of the run folder. Raises `RunError` if there
+    is no run, if no generation is complete, or if the page cannot be written.
     """
     run = open_run(run_folder)
-    page = Path(run_folder) / "report.html" if output is None else Path(output)
+    if output is None:
+        return _write_into(run)
     text = page_of(ShownBirths(run))
-    try:
-        with whole_file(page) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise RunError(
-            f"{page} cannot be written: {reason_of(error)}",
-            "a folder that you may write to, with space left",
-            "free space, or choose another place",
-        ) from error
+    with written_file(Path(output)) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return Path(output)
+
+
+def _write_into(run: Run) -> Path:
+    """Write the report into the run folder, never through a link."""
+    directory, page = RunDirectory(run.path), run.path / "report.html"
+    directory.check_replaceable(page)
+    text = page_of(ShownBirths(run))
+    with report_write_errors(page):
+        directory.write_bytes(page, text.encode())
     return page
 
 
@@ -62,8 +112,7 @@ def page_of(shown: ShownBirths) -> str:
 
 
 def page_values(shown: ShownBirths) -> dict:
-    """Return the values of the page's template, which escapes all but our drawings, style and
-    script."""
+    """Return the values of the template, which escapes all but our drawings, style and script."""
     run, pictures = shown.run, pictures_of(shown)
     highest = pictures.highest
     cards = shortlist_cards(shown, pictures)
@@ -119,3 +168,17 @@ def _islands(shown: ShownBirths) -> dict | None:
         return None
     islands = Islands(shown.run)
     return tables.of_islands(islands) | {"curves": island_curves(islands)}
+
+
+def measure_texts(logged: Sequence[Aim]) -> tuple[dict[str, str], dict[str, str]]:
+    """Explain the measures that a run ``logged``, and all other known measures of maps."""
+    known = {
+        one.name: f"{one.summary} {one.range_text} {one.unit}".rstrip() for one in measures(None)
+    }
+    texts = {}
+    for aim in logged:
+        own = f"{aim.meaning or 'A measure of its own.'} {aim.unit}".rstrip()
+        texts[aim.name] = known.get(own_name(aim.name), own)
+    names = {own_name(name) for name in texts}
+    others = [one.name for one in measures() if one.name not in names]
+    return texts, {name: known[name] for name in others}

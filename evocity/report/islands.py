@@ -14,14 +14,12 @@ from evocity.report.shown_births import figure_texts
 
 @dataclass(frozen=True)
 class Islands:
-    """The islands of a ``run`` as its report shows them, without what a stranger's run states
-    oddly."""
+    """The islands of a ``run`` as its report shows them."""
 
     run: Run
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the islands."""
         return self.run.header.islands
 
     @cached_property
@@ -43,8 +41,8 @@ class Islands:
 
     @property
     def figures(self) -> list[tuple[str, str, int, int, int, str]]:
-        """Of each island its name, its hypervolume by its own goals, how many were born there,
-        how many live there, how many of these were born elsewhere, and its algorithm's figures."""
+        """Of each island name, hypervolume, born and living there, born elsewhere, algorithm's
+        figures."""
         born, history = Counter(self._home_of.values()), self.run.columns.history
         last = history[-1].get("islands", {}) if history else {}
         rows = []

@@ -22,11 +22,8 @@ _EXAMPLES = 4  # maps of each kind that the palette is made of
 
 
 class Pictures:
-    """Bare maps on the scale that ends at ``highest`` metres, as ``data:`` addresses, each made
-    once. Larger maps are shrunk until their longer side has `_LARGEST` pixels.
-
-    All share one palette, made of the scale's own colours and of some ``examples``.
-    """
+    """Bare maps on the scale that ends at ``highest`` metres, as ``data:`` addresses with one
+    palette, made of the scale's colours and of some ``examples``."""
 
     def __init__(self, highest: float, examples: Sequence[CityMap]):
         self.highest = highest
@@ -54,8 +51,7 @@ def pictures_of(shown: ShownBirths) -> Pictures:
 
 
 def scene_uris(cities: Sequence[CityMap], highest: float) -> list[str]:
-    """Draw the cities in three dimensions, bare, with roofs on the scale that ends at ``highest``
-    metres; return ``data:`` addresses with one palette."""
+    """Draw the cities in three dimensions, bare; return ``data:`` addresses with one palette."""
     drawn = [scene(one).picture(width=_WIDE, highest=highest, legend=False) for one in cities]
     palette = Palette(drawn, _COLOURS) if drawn else None
     return [data_uri(picture, palette) for picture in drawn]
@@ -68,11 +64,13 @@ def scale_colours(highest: float, steps: int = 24) -> list[str]:
 
 
 def contact_sheet(run: Run, *, best: int = 8, columns: int = 4) -> Image.Image:
-    """Draw a run on one sheet: its parents first, then the best individuals of its last generation.
-    Each measure in turn chooses its best; individuals that look alike are shown once.
+    """Draw the maps of a run on one sheet: first the parents, then the best individuals of the last
+    generation. The measures take turns, and each measure adds its best individual. If several
+    individuals look almost the same, the sheet shows only one of them.
 
-    All maps share one scale of heights, with its legend and the sources' attributions. Raises
-    `RunError` if the run has no complete generation yet, or is damaged.
+    All maps have the same scale of heights. The sheet has a legend of the scale and the
+    attributions of the source cities. Raises `RunError` if the run has no complete generation yet,
+    or is damaged.
     """
     shown = ShownBirths(run)
     parents = [source.city for source in shown.sources]

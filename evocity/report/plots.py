@@ -25,8 +25,8 @@ class Axis:
 
 @dataclass(frozen=True)
 class Dots:
-    """Points of one kind: ``kind`` are their CSS classes, ``titles`` and ``links`` one per point.
-    Those of class ``broken`` are crosses, others discs."""
+    """Points of one kind, crosses for ``broken``: ``kind`` are CSS classes, ``titles`` one per
+    point."""
 
     x: np.ndarray
     y: np.ndarray
@@ -39,8 +39,7 @@ class Dots:
 def scatter(
     layers: Sequence[Dots], x: Axis, y: Axis, *, width: int = 420, height: int = 340
 ) -> Markup:
-    """Draw points over two axes, later layers above earlier ones. Points that are not finite, or
-    beyond `_LARGEST`, are left out."""
+    """Draw finite points over two axes, later layers above earlier ones."""
     layers = [replace(dots, x=_drawable(dots.x), y=_drawable(dots.y)) for dots in layers]
     x, y = _without_far_target(x), _without_far_target(y)
     frame = _Frame(
@@ -53,8 +52,7 @@ def scatter(
 
 
 def curve(values: Sequence[float], y: Axis, *, width: int = 420, height: int = 220) -> Markup:
-    """Draw one value per generation, from 0 on, as a line, with gaps where a value is not finite,
-    or beyond `_LARGEST`."""
+    """Draw one value per generation as a line, with gaps where a value is not finite."""
     heights = _drawable([math.nan if value is None else value for value in values])
     y = _without_far_target(y)
     frame = _Frame(np.arange(len(heights)), heights, (width, height), (None, y.target))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evocity.analysis.georeference import command_for_gis
+from evocity.analysis.individual import command_for_gis
 from evocity.report.gallery import Lineage, Row, rows_of
 from evocity.report.pictures import Pictures, scene_uris
 from evocity.report.shown_births import Shown, ShownBirths
@@ -31,8 +31,7 @@ class Compared:
 
 @dataclass(frozen=True)
 class ShortlistCard:
-    """An individual worth keeping. ``rows``: the logged measures; ``others``: all other measures;
-    ``command``: the command that writes it for QGIS."""
+    """An individual worth keeping. ``rows``: logged measures; ``others``: all other measures."""
 
     id: int
     role: str

@@ -44,7 +44,7 @@ class ShownBirths:
 
     @property
     def births(self) -> Births:
-        """All births as columns. Raises `RunError` if there is no whole generation."""
+        """All births as columns. Raises `RunError` if there is no complete generation."""
         return self.run.columns
 
     @cached_property
@@ -52,9 +52,9 @@ class ShownBirths:
         """The source cities. Raises `RunError` if the run folder has none."""
         if not self.births.sources:
             raise RunError(
-                f"{self.run.path / 'sources'} holds no city",
-                "the source cities, as `evocity run` wrote them",
-                "bring the folder back from a copy, or start the run again",
+                f"the folder {self.run.path / 'sources'} contains no source city",
+                "the source cities that `evocity run` wrote",
+                "restore the folder from a backup, or start the run again",
             )
         return self.births.sources
 
@@ -88,8 +88,7 @@ class ShownBirths:
 
     @cached_property
     def apart(self) -> float:
-        """The least share of the map in which individuals differ that do not look alike, by the
-        recipe."""
+        """The least share of the map in which different individuals differ, by the recipe."""
         section = recipe_of(self.run).get("search")
         stated = number_of(section.get("apart")) if isinstance(section, dict) else None
         return _APART if stated is None or not 0 <= stated <= 1 else stated
@@ -122,8 +121,8 @@ class ShownBirths:
         return {one.birth.id for n, one in enumerate(self.shown) if n not in first}
 
     def best(self, count: int) -> list[Shown]:
-        """Return the best ``count`` of the last generation, by each goal in turn. Individuals that
-        look alike are shown once, while there are others to show."""
+        """Return the best ``count`` of the last generation, by each goal in turn, if they look
+        different."""
         births, ranks = self.births, dict(self.living)
         rows = births.rows(list(ranks))
         broken = ~births.feasible[rows]
@@ -153,8 +152,7 @@ class ShownBirths:
     # -- what is read of them ----------------------------------------------------------------
 
     def individuals(self, ids: Sequence[int]) -> list[Birth]:
-        """Return the births with these ``ids``, with genomes; reads the log once for the whole
-        report."""
+        """Return the births with these ``ids``, with genomes; reads the log once for the report."""
         missing = [one for one in ids if one not in self._read]
         if missing:
             shown = [one for one, _ in self.living[:MOST_SHOWN]] + self.gone[:MOST_SHOWN]
@@ -182,8 +180,7 @@ class ShownBirths:
         return self._cities[birth.id]
 
     def unlogged(self, births: Sequence[Birth]) -> dict[int, list[tuple[str, float, str]]]:
-        """Measure a few ``births`` by all measures that the run did not log: id -> (name, value,
-        unit), NaN for no value. No part of a report takes longer."""
+        """Measure ``births`` by measures that the run did not log: id -> (name, value, unit)."""
         sources = [source.city for source in self.sources]
         reference = fitness.Reference.sources(sources)
         others = [
@@ -207,9 +204,9 @@ def map_of(births: Births, birth: Birth) -> CityMap:
     expressed = births.expressed(birth)
     if expressed.city is None:
         raise RunError(
-            f"individual {birth.id}: {expressed.problem}",
+            f"individual {birth.id} has no map: {expressed.problem}",
             "a genome that decodes to a map, as in the run",
-            "the files of the run are damaged: evocity status shows what is left",
+            "see the damage with `evocity status`, and restore the files from a backup",
         )
     return expressed.city
 

@@ -23,13 +23,10 @@ class Figure:
 
 @dataclass(frozen=True)
 class Summary:
-    """Values of the head of the page."""
-
     shown: ShownBirths
 
     @property
     def cities(self) -> str:
-        """Names of the source cities."""
         return " × ".join(name for name in self.shown.run.header.cities if name != VOID)
 
     @property
@@ -54,7 +51,6 @@ class Summary:
 
     @property
     def figures(self) -> Iterator[Figure]:
-        """The figures of the run."""
         shown, run = self.shown, self.shown.run
         status, many = run.status(), len(shown.living)
         yield Figure("generations", status["generation"], word="generation")

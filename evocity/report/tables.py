@@ -33,7 +33,6 @@ class Table:
 
 
 def by_status(births: Births) -> Table:
-    """Count births by status."""
     counted = Counter(births.status.tolist())
     return Table(("status", "births"), [(status, counted[status]) for status in STATUSES])
 
@@ -98,7 +97,6 @@ def every_birth(births: Births) -> Table:
 
 
 def measures(births: Births) -> Table:
-    """The measures of the log."""
     rows = [(aim.name, aim.unit, aim.wanted, aim.meaning) for aim in births.logged]
     return Table(("measure", "unit", "goal", "meaning"), rows)
 
@@ -117,7 +115,6 @@ def replaced(run: Run) -> Table:
 
 
 def provenance(run: Run) -> Table:
-    """What provenance records."""
     kept = {k: v for k, v in run.provenance.items() if k != "header"}
     return Table(("", ""), [(name, _text(value)) for name, value in kept.items()])
 

@@ -1,7 +1,7 @@
 """`Scene`: solids of a map's buildings and other objects on their ground."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
+from evocity import formats
 from evocity.citymap import STOREY, CityMap
 from evocity.errors import MapError, plain_text, spell
 from evocity.formats import About, Group
@@ -17,7 +18,6 @@ from evocity.io.writers import check_place, open_output, save_picture, write_map
 from evocity.scene.library import Library
 from evocity.scene.picture import draw_scene, triangles
 from evocity.scene.substitution import Substitution, substituted
-from evocity.scene.writers import check_suffix, write
 from evocity.views.buildings import outlines
 from evocity.views.classes import Classes, ClassTable
 from evocity.views.connected_components import pieces
@@ -25,6 +25,18 @@ from evocity.views.walls import Walls, walls_of
 
 if TYPE_CHECKING:
     from PIL import Image
+
+_WRITERS: dict[str, Callable[[Sequence[Group], About], str | bytes]] = {
+    ".city.json": formats.cityjson,
+    ".glb": formats.glb,
+    ".obj": formats.obj,
+    ".wrl": formats.vrml97,
+    ".x3d": formats.x3d,
+}
+
+#: Suffixes of scenes: CityJSON 2.0, binary glTF 2.0, Wavefront OBJ, VRML97 and X3D; footprints in a
+#: GeoPackage; and a picture.
+SUFFIXES = (*_WRITERS, ".gpkg", ".png")
 
 #: The ground's colour and the streets', sRGB.
 _GROUND, _STREETS = (0.86, 0.84, 0.79), (0.66, 0.69, 0.74)
@@ -44,10 +56,13 @@ _NAMED = {"ground": "ground-levelled", "street": "street-object"}
 class Scene:
     """A map in three dimensions.
 
-    city : the map. walls : the fitted walls of its buildings. classes : the class of each building
-        and of each lower object. streets : whether streets are separate surfaces. substitution :
-        the `Substitution` of buildings by objects of a library, or None. measures : values of the
-        map's measures, by name, which files include. storey : height of a storey, metres.
+    city : the map.
+    walls : the fitted walls of the map's buildings.
+    classes : the class of each building, and of each object lower than a building.
+    streets : whether streets are separate surfaces.
+    substitution : the `Substitution` of buildings by objects of a library, or None.
+    measures : values of the map's measures by name; files of the scene include these values.
+    storey : height of a storey, metres.
 
     >>> import numpy as np, evocity
     >>> heights = np.zeros((32, 32))
@@ -203,23 +218,24 @@ class Scene:
 
     def picture(self, **how: Any) -> "Image.Image":
         """Draw an axonometric picture with shadows. Parallel lines stay parallel, and the scale bar
-        is true along the horizontal.
+        holds for lines that are horizontal in the picture.
 
-        width : width of the drawing in px, 16 to 8192; the height follows from it.
-        azimuth, tilt : direction of the view in degrees clockwise from north, and its angle above
-            the horizon in degrees. The tilt is 1 to 90; 90 gives a plan.
-        sun : direction of the sun in degrees clockwise from north, and its angle above the horizon
-            in degrees.
+        width : width of the drawing in px, 16 to 8192; the height follows from the width.
+        azimuth : direction in which the viewer looks, in degrees clockwise from north.
+        tilt : angle of the viewer above the horizon, 1 to 90 degrees; 90 gives a plan.
+        sun : direction of the sun in degrees clockwise from north, and the sun's angle above the
+            horizon in degrees.
         shadows : whether objects cast shadows.
         colours : "heights" colours roofs by their height, on the scale of maps; "classes" colours
             objects by their class.
-        highest : height in metres at which the colour scale ends; None takes the map's own.
-        legend : whether to add the name, colour scale, scale bar, north arrow, sun and attribution.
-            Without the legend the caller must show the attribution.
+        highest : height in metres at which the colour scale ends; None means the scale of the map.
+        legend : whether to add the map's name, colour scale, scale bar, north arrow, direction of
+            the sun, and attribution. If the picture has no legend, show the attribution of the map
+            beside the picture.
 
-        Raises `MapError` for values out of range. Sources: the z-buffer is by Catmull 1974; shadows
-        by a second z-buffer from the sun are by Williams 1978. A dense map of 256² takes about .2
-        s.
+        Raises `MapError` for values out of range. Sources: Catmull 1974 describes the z-buffer, and
+        Williams 1978 describes shadows by a second z-buffer from the sun. A dense map of 256 × 256
+        px takes about 0.2 s.
         """
         return draw_scene(self._credited_city, self.groups, **how)
 
@@ -227,18 +243,20 @@ class Scene:
         self, colours: str = "heights", highest: float | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return all surfaces as triangles: their corners and their colours. Corners are float32
-        ``(t, 3, 3)`` in metres from the south-west corner. There x runs to the east, y to the
-        north, and z up. From outside they run counterclockwise. Colours are uint8 ``(t, 3)``. The
-        parameters and errors are as in `picture`.
+        ``(t, 3, 3)`` in metres from the south-west corner. The x axis runs to the east, the y axis
+        to the north, and the z axis upwards. Seen from outside the solid, the corners of a triangle
+        run counterclockwise. Colours are uint8 ``(t, 3)``. The parameters and errors are those of
+        the method `picture`.
         """
         return triangles(self.city, self.groups, colours, highest)
 
     def write(self, path: str | os.PathLike, **how: Any) -> None:
         """Write the scene. The suffix of ``path`` chooses the format, one of
-        `evocity.scene.SUFFIXES`. For a ``.png``, ``how`` holds the options of `picture`.
+        `evocity.scene.SUFFIXES`. For a ``.png`` file, the argument ``how`` holds the options of the
+        method `picture`.
 
-        Raises `MapError` for any other suffix, a missing folder, or a file that cannot be written.
-        If writing fails, no partial file remains, and a previous file stays as it was.
+        Raises `MapError` for a suffix outside `SUFFIXES`, a missing folder, or a file that cannot
+        be written. If writing fails, no partial file remains, and a previous file stays unchanged.
         """
         path = Path(path)
         suffix = check_suffix(path)
@@ -256,11 +274,9 @@ class Scene:
     @property
     def _credited_city(self) -> CityMap:
         """The map with the attribution of all objects on it."""
-        credit = self._attribution
+        city, credit = self.city, self._attribution
         return (
-            self.city
-            if credit == self.city.attribution
-            else self.city.replace(self.city.heights, attribution=credit)
+            city if credit == city.attribution else city.replace(city.heights, attribution=credit)
         )
 
     @property
@@ -294,18 +310,18 @@ def scene(
     measures: Mapping[str, float] | None = None,
     **how: Any,
 ) -> Scene:
-    """Make a scene of a map, with its ground, its lower objects, and its buildings. Each building
-    is a solid with a floor, walls and a flat roof.
+    """Make a scene of a map, with its ground, its buildings, and its objects lower than buildings.
+    Each building is a solid with a floor, walls and a flat roof.
 
-    classes : a table of classes and their colours, or the path of its TOML file. None takes the
-        seven classes of this package.
-    library : a `Library` of objects that replace buildings where they fit, or its folder. The
-        generator ``rng`` chooses at random between equal fits; None takes seed 0.
+    classes : a table of classes and their colours, or the path of its TOML file. If ``classes`` is
+        None, the scene has the seven classes of this package.
+    library : a `Library` of objects, or the path of its folder. If an object of the library fits a
+        building, the object replaces the building. The generator ``rng`` chooses between objects
+        that fit equally well; None means a generator with the seed 0.
     streets : whether the streets are separate surfaces.
-    measures : values of the map's measures, by name, which CityJSON keeps as attributes.
-    how : options for the walls: ``detail``, ``relative``, ``squared``, ``storeys`` and
-        ``least_area`` of `CityMap.walled`. `CityMap.walled` raises `MapError` for values out of
-        range.
+    measures : values of the map's measures by name; CityJSON files store them as attributes.
+    how : options of `CityMap.walled` for the walls: ``detail``, ``relative``, ``squared``,
+        ``storeys`` and ``least_area``. Values out of range raise `MapError`.
     """
     if not isinstance(city, CityMap):
         raise MapError(
@@ -325,3 +341,34 @@ def scene(
         laid = substituted(city, library, rng, walls=walls, classes=table)
     storey = how.get("storeys") or STOREY
     return Scene(city, walls, table, streets, laid, measures or {}, storey)
+
+
+def suffix_of(path: Path) -> str | None:
+    """Return the suffix of a file name if it is a suffix of scene files, and otherwise None."""
+    name = path.name.lower()
+    return next((end for end in SUFFIXES if name.endswith(end) and name != end), None)
+
+
+def check_suffix(path: Path) -> str:
+    """Return the suffix of ``path``, if it is a suffix of scene files. Raises `MapError` for a
+    ``path`` without a suffix of scene files."""
+    suffix = suffix_of(path)
+    if suffix is None:
+        plain = "use .city.json, not .json; " if path.suffix.lower() == ".json" else ""
+        raise MapError(
+            f"{path.name}: scenes cannot be written to {path.suffix or 'a file without a suffix'}",
+            f"a name that ends in {', '.join(SUFFIXES)}",
+            f"{plain}choose .city.json for GIS, .glb for Blender and browsers, .obj for Rhino",
+        )
+    return suffix
+
+
+def write(groups: Sequence[Group], about: About, path: str | os.PathLike) -> None:
+    """Write groups of solids, as `Scene.write`."""
+    path = Path(path)
+    suffix = check_suffix(path)
+    check_place(path)
+    content = _WRITERS[suffix](groups, about)
+    data = content if isinstance(content, bytes) else content.encode("utf-8")
+    with open_output(path) as temporary:
+        temporary.write_bytes(data)

@@ -24,14 +24,15 @@ _ARRAYS = {"polygons": object, "heights": np.float64, "attached": bool}
 class Library:
     """Objects that may replace generated buildings.
 
-    ids : the ids of the n objects, all different texts.
+    ids : a text for each of the n objects; no text occurs twice.
     classes : the class of each object, as in `CityMap.classes`.
-    polygons : the footprints, objects ``(n,)``. They are valid shapely polygons in metres about
-        their centroids, x to the east, y to the north.
+    polygons : the footprints as valid shapely polygons, an object array ``(n,)``. Coordinates are
+        metres from the centroid, x to the east and y to the north.
     heights : the height of each object in metres, float64 ``(n,)``.
-    atmospheres : the kind of place that each object suits, in words; "" for no kind.
-    licences, attributions : the licence of each object, and the attribution line that the licence
-        requires, which may be "".
+    atmospheres : the kind of place that each object suits, as text; "" for an object that suits no
+        special kind.
+    licences : the licence of each object.
+    attributions : the attribution line that each licence requires; "" if the licence requires none.
     attached : bool ``(n,)``: whether the object touches neighbouring buildings wall to wall.
 
     >>> import numpy as np, evocity
@@ -66,20 +67,21 @@ class Library:
         attached: bool = True,
         table: ClassTable | None = None,
     ) -> "Library":
-        """Make one object of each building of a map. The id of an object is the map's name and the
-        building's number.
+        """Make one object from each building of a map. The id of an object is the map's name and
+        the building's number.
 
         The footprints are the polygons of `CityMap.walls`. The classes are those of
-        `CityMap.classes`, or of a table of your own. Buildings under `LEAST` m², and buildings that
-        the map's border cuts, are left out.
+        `CityMap.classes`, or those of your own ``table``. Buildings of less than `LEAST` m² are
+        left out, and so are buildings that the map's border cuts.
 
         Parameters
         ----------
         licence : the licence of the map, for example ``ODbL-1.0``.
-        attribution : the attribution line that the licence requires; None takes the map's own.
+        attribution : the attribution line that the licence requires; None means the line of the
+            map.
         attached : whether to include buildings that stand wall to wall.
 
-        Raises `MapError` if there is no licence.
+        Raises `MapError` if ``licence`` is an empty text.
         """
         if not licence.strip():
             raise MapError(
@@ -120,11 +122,8 @@ class Library:
         for column in fields(cls):
             parts = [getattr(library, column.name) for library in every]
             kind = _ARRAYS.get(column.name)
-            columns.append(
-                tuple(chain(*parts))
-                if kind is None
-                else np.concatenate([np.empty(0, kind), *parts])
-            )
+            joined = np.concatenate([np.empty(0, kind), *parts]) if kind else tuple(chain(*parts))
+            columns.append(joined)
         return cls(*columns)
 
     def only(self, chosen: Sequence[int] | np.ndarray) -> "Library":
@@ -139,8 +138,8 @@ class Library:
         )
 
     def of_atmosphere(self, atmosphere: str) -> "Library":
-        """Select the objects with this ``atmosphere``, the kind of place they suit. Raises
-        `MapError` if no object has it."""
+        """Select the objects that suit a kind of place, the ``atmosphere``. Raises `MapError` if no
+        object has the given atmosphere."""
         chosen = [k for k, own in enumerate(self.atmospheres) if own == atmosphere]
         if not chosen:
             known = ", ".join(sorted(map(spell, set(self.atmospheres))))
@@ -159,12 +158,14 @@ class Library:
     def read(cls, folder: str | os.PathLike) -> "Library":
         """Read the library in a folder, from the layer `LAYER` of its GeoPackage `TABLE`.
 
-        Footprints are polygons in metres at any place; the columns are `COLUMNS`.
+        Footprints are polygons in metres, at any place. The table has the columns of the list
+        `COLUMNS`.
 
-        Raises `MapError`, which names the object. Causes are a missing folder, table, layer,
-        column, class or licence, and a missing or repeated id. A footprint may be open, invalid or
-        in degrees. A height may be outside 0 to `TALLEST` metres, and a column ``path`` may name a
-        mesh.
+        Raises `MapError`, which names the faulty object, for a missing folder, table, layer,
+        column, class or licence. The method raises `MapError` for an id that is missing or
+        repeated, and for a footprint that is open, invalid or in degrees. The method raises
+        `MapError` for a height outside 0 to `TALLEST` metres, and for a column ``path`` that names
+        a mesh.
         """
         polygons, columns = read_table(Path(folder))
         return cls(
@@ -180,9 +181,9 @@ class Library:
 
     def write(self, folder: str | os.PathLike) -> Path:
         """Write the library's table into a folder, and return the path of the table. The method
-        creates the folder in an existing one, and overwrites a table there. Objects lie next to
-        each other, so that a GIS shows them all. Raises `MapError` if the table cannot be
-        written."""
+        creates the folder if its parent folder exists, and overwrites a table in the folder. The
+        table places the objects next to each other, so that a GIS shows all of them. Raises
+        `MapError` if the table cannot be written."""
         values = (self.ids, self.classes, self.heights, self.atmospheres, self.licences)
         values += (self.attributions, self.attached)
         return write_table(Path(folder), self.polygons, dict(zip(COLUMNS, values, strict=True)))

@@ -101,7 +101,7 @@ def check_ids(ids: Sequence[str], where: str) -> None:
     seen = set()
     for number, one in enumerate(ids, 1):
         if not one:
-            raise MapError(f"{where}: row {number} has no id", "an id in each row", "add an id")
+            raise MapError(f"{where}: row {number} has no id", "an id in each row", "write an id")
         if one in seen:
             raise MapError(
                 f"{where}: id {one} occurs twice",
@@ -139,7 +139,7 @@ def _layer(folder: Path, path: Path) -> tuple[np.ndarray, dict[str, np.ndarray],
         what = "no table in it" if folder.is_dir() else "no such folder"
         raise MapError(
             f"{str(folder)!r}: {what}",
-            f"a folder of a library, which contains {TABLE}",
+            f"the folder of a library, which contains {TABLE}",
             "make a library with: evocity library new MAP… -o FOLDER",
         )
     try:
@@ -156,7 +156,7 @@ def _layer(folder: Path, path: Path) -> tuple[np.ndarray, dict[str, np.ndarray],
                 raise MapError(
                     f"{path}: there is no layer {LAYER}",
                     f"a layer with the name {LAYER}",
-                    "rename the layer",
+                    "give this name to the layer of objects",
                 )
             meta, _, shapes, columns = pyogrio.raw.read(path, layer=LAYER, force_2d=True)
     except (*_file_errors(), UnicodeDecodeError) as error:
@@ -215,7 +215,7 @@ def _check_polygons(shapes: np.ndarray, names: Sequence[str]) -> np.ndarray:
             raise MapError(
                 f"{name}: a point of the footprint occurs twice, for example where a courtyard "
                 "touches a wall",
-                "a footprint whose walls do not touch, as a solid needs",
+                "a footprint whose walls do not touch each other, so that it becomes a solid",
                 "move the point by some centimetres, or open the courtyard",
             )
     parts = [one.geoms[0] if one.geom_type == "MultiPolygon" else one for one in polygons]
@@ -230,8 +230,8 @@ def _heights(column: np.ndarray, names: Sequence[str]) -> np.ndarray:
         if not 0 < height <= TALLEST:
             raise MapError(
                 f"{name}: the height {value} is out of range",
-                f"metres above 0, at most {TALLEST:g}",
-                "correct the height",
+                f"a height in metres above 0, at most {TALLEST:g}",
+                "correct the height in the table",
             )
     return heights
 
@@ -262,7 +262,7 @@ def _check_no_meshes(column: np.ndarray, names: Sequence[str]) -> None:
     for path, name in zip(_texts(column), names, strict=True):
         if path:
             raise MapError(
-                f"{name}: its path {path!r} names a mesh",
-                "a footprint with a height, since a library has no files of meshes",
-                "remove the column path",
+                f"{name} has the mesh file {path!r} in the column 'path'",
+                "objects with a footprint and a height, because a library uses no mesh files",
+                "remove the column 'path' from the table of objects",
             )

@@ -11,10 +11,10 @@ import numpy as np
 import shapely
 
 from evocity.citymap import CityMap
-from evocity.errors import MapError, setting
+from evocity.errors import MapError, check_number
 from evocity.views.buildings import outlines
 from evocity.views.connected_components import pieces
-from evocity.views.ground.distance import nearest_built
+from evocity.views.ground.space import nearest_built
 
 #: Gaps narrower than twice this, metres, belong to the fabric.
 REACH = 12.0
@@ -28,15 +28,13 @@ def fabric_edges(
     """Trace closed lines around the fabric and around the open ground inside it, the longest first.
 
     The fabric is a morphological closing of the built pixels by discs of radius ``reach`` in
-    metres. Lines run between the middles of the pixels' sides, so that slanted edges have no steps.
-    Along the map's border, the border is the edge. Lines shorter than ``shortest`` metres are left
-    out.
+    metres. Lines connect the middles of pixel sides, so that slanted edges have no steps. At the
+    map's border, the lines follow the border. The parameter ``shortest`` is the least length of a
+    line, metres; shorter lines are left out.
 
-    Raises `MapError` for numbers below 0, and if the map has no buildings.
+    Raises `MapError` for negative numbers, and for a map without buildings.
     """
-    _check(reach=reach, shortest=shortest)
-    if not city.built.any():
-        raise _nothing_built(city)
+    _check(city, reach=reach, shortest=shortest)
     pixel = city.metres_per_pixel
     wide = math.ceil(reach / pixel) + 2
     squared = (reach / pixel) ** 2
@@ -54,15 +52,14 @@ def fabric_edges(
 
 
 def skyline(city: CityMap, bearing: float) -> np.ndarray:
-    """Trace the outline of the roofs against the sky, as seen from far away. The view goes towards
-    a ``bearing``, in degrees from north by east. Return float ``(n, 2)``, metres from left to right
-    and metres of height, with a point for each pixel's width.
+    """Trace the outline of the roofs against the sky, as seen from far away. The viewer looks in
+    the direction ``bearing``, in degrees clockwise from north. Return float ``(n, 2)``: metres from
+    left to right, and height in metres. The points are a pixel's side apart.
 
-    The height of a pixel applies to its whole width. Raises `MapError` if the bearing is not
+    The roof of a pixel is level across the whole pixel. Raises `MapError` if the bearing is not
     finite.
     """
-    if not math.isfinite(bearing):
-        raise MapError(setting("bearing", bearing), "degrees, a finite number", "correct it")
+    check_number("bearing", bearing, -math.inf, math.inf, "degrees, a finite number", MapError)
     turn = math.radians(bearing)
     rows, columns = (
         np.arange(n, dtype=float) + 0.5 - n / 2 for n in city.shape
@@ -83,22 +80,21 @@ def skyline(city: CityMap, bearing: float) -> np.ndarray:
 
 
 def facades(city: CityMap, shortest: float = SHORTEST) -> list[np.ndarray]:
-    """Trace the walls of buildings as closed, straight lines, as in ``city.walls``. The lines are
-    the outer wall of each building and the walls of its courts, the longest first. Lines shorter
-    than ``shortest`` metres are left out. Raises `MapError` as `fabric_edges`."""
-    _check(shortest=shortest)
-    if not city.built.any():
-        raise _nothing_built(city)
+    """Trace the straight walls of buildings in ``city.walls`` as closed lines. The lines are the
+    outer wall of each building and the walls of its courts, the longest first. The parameter
+    ``shortest`` is the least length of a line, metres; shorter lines are left out. Raises the same
+    errors as `fabric_edges`."""
+    _check(city, shortest=shortest)
     parts = shapely.get_parts(np.array(city.walls.polygons, dtype=object))
     rings = [ring for part in parts for ring in (part.exterior, *part.interiors)]
     return _clean_lines([shapely.get_coordinates(ring) for ring in rings], shortest)
 
 
 def street_axes(city: CityMap, shortest: float = SHORTEST) -> list[np.ndarray]:
-    """Trace the axes of streets, the longest first. A line joins those edges of
-    ``city.street_graph`` that run straight on over crossings. Lines shorter than ``shortest``
-    metres are left out. Raises `MapError` for a number below 0."""
-    _check(shortest=shortest)
+    """Trace the axes of streets, the longest first. Each line joins edges of ``city.street_graph``
+    that continue straight across crossings. The parameter ``shortest`` is the least length of a
+    line, metres; shorter lines are left out. Raises `MapError` if ``shortest`` is negative."""
+    check_number("shortest", shortest, 0, math.inf, "metres, 0 or more", MapError)
     graph = city.street_graph
     edges = np.array(graph.edges, dtype=object)
     found = []
@@ -127,11 +123,8 @@ def _clean_lines(lines: list[np.ndarray], shortest: float) -> list[np.ndarray]:
     return [lines[k] for k in order if len(lines[k]) > 1 and lengths[k] >= shortest]
 
 
-def _check(**numbers: float) -> None:
+def _check(city: CityMap, **numbers: float) -> None:
     for name, value in numbers.items():
-        if not 0 <= value < math.inf:
-            raise MapError(setting(name, value), "metres, 0 or more", "correct it")
-
-
-def _nothing_built(city: CityMap) -> MapError:
-    return MapError(f"{city.name} has no building", "a map with buildings", "choose another map")
+        check_number(name, value, 0, math.inf, "metres, 0 or more", MapError)
+    if not city.built.any():
+        raise MapError(f"{city.name} has no building", "a map with buildings", "choose another map")

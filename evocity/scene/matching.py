@@ -69,14 +69,10 @@ class Placing:
         numbers[rows] = other.numbers
         return replace(self, numbers=numbers)
 
-    def shrink(self, by: float) -> "Placing":
-        """Multiply both scales."""
-        return replace(self, numbers=self.numbers * [1, by, by, 1, 1])
-
-    def slacken(self, metres: float, library: Library) -> "Placing":
-        """Make the objects shorter and narrower by so many metres."""
+    def shrink(self, by: float, metres: float, library: Library) -> "Placing":
+        """Multiply both scales, and make the objects shorter and narrower by so many metres."""
         sides = _frames(library.polygons[self.object], self.frame[:, 0])[:, 3:]
-        numbers = self.numbers.copy()
+        numbers = self.numbers * [1, by, by, 1, 1]
         numbers[:, 1:3] -= metres / sides
         return replace(self, numbers=numbers)
 

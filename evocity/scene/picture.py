@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from evocity.citymap import CityMap
-from evocity.errors import MapError, keyword, setting
+from evocity.errors import MapError, check_number, check_word, setting
 from evocity.formats import Group
 from evocity.formats.solids import ROOF
 from evocity.pictures.colours import FAINT, INK, PAPER, ramp, scale_end
@@ -28,6 +28,8 @@ _SUN_SIDE = 2048
 _AMBIENT, _MOST, _EDGE = 0.62, 1.08, 0.62
 #: Free share of the width at each side.
 _MARGIN = 0.03
+#: What the colours of surfaces show.
+_COLOURS = ("heights", "classes")
 #: The greatest side of a picture, px.
 _LARGEST = 8192
 
@@ -47,14 +49,14 @@ def draw_scene(
 ) -> Image.Image:
     """Draw `Scene.picture` of the ``groups`` of a ``city``'s scene."""
     _check("width", width, 16, _LARGEST)
-    _check("azimuth", azimuth, -math.inf, math.inf)
+    _check("azimuth", azimuth)
     _check("tilt", tilt, 1, 90)
-    _check_colours(colours)
+    check_word("colours", colours, _COLOURS, error=MapError)
     if not (isinstance(sun, Sequence) and len(sun) == 2):
         raise MapError(
             setting("sun", sun), "two numbers: azimuth and height, degrees", "such as (250, 40)"
         )
-    _check("sun", sun[0], -math.inf, math.inf)
+    _check("sun", sun[0])
     _check("sun", sun[1], 1, 90)
     end = _end(city, highest)
     surfaces = _surfaces(groups, colours, end)
@@ -82,28 +84,15 @@ def draw_scene(
     return draw_legend(city, fabric, city.name, Key(entries), metres)
 
 
-def _check_colours(colours: str) -> None:
-    if colours not in ("heights", "classes"):
-        raise MapError(
-            f"colours = {colours!r}", "'heights' or 'classes'", "choose 'heights' or 'classes'"
-        )
-
-
 def _end(city: CityMap, highest: float | None) -> float:
     if highest is not None:
         _check("highest", highest, 1e-3, 1e6)
     return scale_end(city) if highest is None else float(highest)
 
 
-def _check(name: str, value: float, low: float, high: float) -> None:
-    if not (isinstance(value, int | float | np.number) and low <= value <= high) or (
-        not math.isfinite(value)
-    ):
-        raise MapError(
-            setting(name, value),
-            f"a number from {low:g} to {high:g}" if math.isfinite(low) else "degrees",
-            f"correct {keyword(name)}, or leave it out",
-        )
+def _check(name: str, value: float, low: float = -math.inf, high: float = math.inf) -> None:
+    expected = f"a number from {low:g} to {high:g}" if math.isfinite(low) else "degrees"
+    check_number(name, value, low, high, expected, MapError)
 
 
 def _directions(azimuth: float, tilt: float) -> np.ndarray:
@@ -274,7 +263,7 @@ def triangles(
     city: CityMap, groups: Sequence[Group], colours: str, highest: float | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return `Scene.triangles` of the ``groups`` of a ``city``'s scene."""
-    _check_colours(colours)
+    check_word("colours", colours, _COLOURS, error=MapError)
     found = _surfaces(groups, colours, _end(city, highest))
     shades = np.clip(np.round(found.colours), 0, 255)
     return found.corners.astype(np.float32), shades.astype(np.uint8)

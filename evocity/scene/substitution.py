@@ -3,14 +3,13 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from numbers import Real
 
 import numpy as np
 import shapely
 import shapely.affinity
 
 from evocity.citymap import STOREY, CityMap, Classes, Walls
-from evocity.errors import MapError, keyword, setting
+from evocity.errors import MapError, check_number
 from evocity.formats import Copies
 from evocity.scene.library import LEAST, Library
 from evocity.scene.matching import (
@@ -22,6 +21,7 @@ from evocity.scene.matching import (
     match_objects,
     place_objects,
 )
+from evocity.views.limit_tables import read_only
 
 #: Metres that an object may exceed its building's footprint on open ground, up to a third of the
 #: way to the next building. 6 m: half a house's depth.
@@ -57,18 +57,19 @@ _SLACK, _GRAIN = 2e-3, 1e-8
 class Substitution:
     """Buildings of a map, some of them replaced by objects of a library.
 
-    polygons : the footprint of each building, objects ``(n,)``. They are in the order and in the
-        reference system of ``walls``, and do not overlap.
+    polygons : the footprints of the n buildings, an object array ``(n,)``, without overlaps. The
+        order and the reference system of the polygons are those of ``walls``.
     heights : the height of each building in metres, float64 ``(n,)``.
-    objects : the number of the library's object for each building, int32 ``(n,)``. If no object
-        fits, the number is -1 and the building keeps its own form.
-    transforms : the affine maps of the objects, float64 ``(n, 2, 3)``; NaN without an object. Each
-        map leads from the object's metres about its centroid to the city's system: x' = a x + b y +
-        c.
-    vertical : float64 ``(n,)``: the factor by which the object's height is scaled; NaN without an
-        object.
+    objects : the number of the library's object that replaces each building, int32 ``(n,)``. If no
+        object fits a building, ``objects`` has the number -1 there, and the building keeps its own
+        form.
+    transforms : the affine transform of each object, float64 ``(n, 2, 3)``; NaN for a building
+        without an object. A transform converts metres around the object's centroid into the city's
+        reference system: x' = a x + b y + c.
+    vertical : float64 ``(n,)``: the factor that scales the height of each object; NaN for a
+        building without an object.
     iou : float64 ``(n,)``: intersection over union of the object and the building's own polygon;
-        NaN without an object.
+        NaN for a building without an object.
     attached : bool ``(n,)``: whether the building touches neighbours wall to wall.
     walls, library : the walls and the library that the substitution was made from.
     """
@@ -112,9 +113,10 @@ class Substitution:
     def copies(
         self, offset: tuple[float, float], chosen: np.ndarray, more: int = 0
     ) -> Copies | None:
-        """Return the objects that replace the buildings ``chosen``, bool ``(n,)``, as copies of
-        shapes, in metres from ``offset``. Further solids that are not copies follow at the end;
-        their number is ``more``. Return None if there is no copy."""
+        """Return the objects that replace some buildings, as copies of shapes, in metres from
+        ``offset``; the mask ``chosen``, bool ``(n,)``, marks these buildings. The result ends with
+        ``more`` additional entries, for solids that are not copies. The result is None if no object
+        replaces a chosen building."""
         objects = np.r_[self.objects[chosen], np.full(more, -1)]
         used, of = np.unique(objects, return_inverse=True)
         used, of = used[used >= 0], of - int((objects < 0).any())
@@ -143,7 +145,7 @@ class Substitution:
 
     @property
     def attribution(self) -> str:
-        """The attribution lines that the licences of the objects used here require."""
+        """Attribution lines that the licences of the placed objects require."""
         used = np.unique(self.objects[self.objects >= 0])
         lines = (self.library.attributions[k] for k in used)
         return "; ".join(dict.fromkeys(line for line in lines if line))
@@ -162,32 +164,34 @@ def substituted(
     """Replace buildings of a map by objects of a library.
 
     Each building takes the object that fills its footprint best, among objects of its own class.
-    The object's height differs from the building's by at most a storey (3 m). The object may be
-    turned by any angle and mirrored, and its axes scaled by at most 15 %.
+    The height of the object differs from the height of the building by at most a storey (3 m). The
+    object may be turned by any angle and mirrored, and its axes scaled by at most 15 %.
 
-    The object stands on the map, within the footprint and a ``margin`` around it. Any other
-    building is at least twice as far from that place. So no object crosses a neighbour, and the
-    middle third of a street or passage stays open. If the house stands wall to wall with others,
-    the object is aligned with the party walls and stays between them. A building without a fit
-    keeps its own form. The generator ``rng`` draws between equal fits.
+    The object stands within the footprint and a ``margin`` around it. Each point of the margin is
+    at least twice as far from any other building as from the building itself. No object therefore
+    crosses a neighbour, and the middle third of a street or passage stays open. If the building
+    stands wall to wall with others, the object is aligned with the party walls and stays between
+    them. If no object fits a building, the building keeps its own form. The generator ``rng``
+    chooses between objects that fit equally well.
 
     Parameters
     ----------
-    rng : the random generator that chooses between equal fits; the same seed gives the same
-        buildings.
-    walls : walls of the city from `CityMap.walled`; None takes `CityMap.walls`.
-    classes : classes of the city from `CityMap.classified`; None takes `CityMap.classes`.
+    rng : the random generator; the same seed gives the same buildings.
+    walls : walls of the city from `CityMap.walled`; None means `CityMap.walls`.
+    classes : classes of the city from `CityMap.classified`; None means `CityMap.classes`.
     margin : width of the margin around a footprint, metres, 0 or more.
     least : the lowest intersection over union that counts as a fit, above 0, at most 1.
 
     Raises `MapError` for numbers out of range.
 
     Sources: Marsault 2002 (000 §6.2) and 2005 (001 §3.1) propose libraries of objects that keep
-    heights and footprint. There the proposal was "not been already implemented"; the method here is
-    ours. Some 300 buildings with some thousand objects take about 1 s.
+    heights and footprint. According to the papers, these libraries have "not been already
+    implemented"; the method here is our own. A map of about 300 buildings and a library of a
+    thousand objects take about 1 s.
     """
-    _check("margin", margin, 0, 100, "metres, 0 to 100")
-    _check("least", least, 1e-9, 1, "intersection over union, above 0, at most 1")
+    check_number("margin", margin, 0, 100, "metres, 0 to 100", MapError)
+    overlap = "intersection over union, above 0, at most 1"
+    check_number("least", least, 1e-9, 1, overlap, MapError)
     walls = city.walls if walls is None else walls
     classes = city.classes if classes is None else classes
     polygons = np.array(walls.polygons, dtype=object).reshape(-1)
@@ -195,22 +199,13 @@ def substituted(
     # from the map's corner, to the micrometre: the fit does not depend on the place on Earth
     offset = np.array(city.north_west)
     local = shapely.transform(polygons, lambda points: np.round(points - offset, 6))
-    ground = _Ground(local, margin, _frame(city, offset))
+    deep, wide = (side * city.metres_per_pixel for side in city.shape)
+    left, top = city.north_west - offset
+    ground = _Ground(local, margin, shapely.box(left, top - deep, left + wide, top))
     draws = rng.random((len(polygons), 2))
     placing = match_objects(local, ground.party, walls.heights, kinds, library, STOREY, _TRIED)
     best = _search(placing, ground, library, draws, least)
     return _make_substitution(best, polygons, offset, ground, walls, library)
-
-
-def _check(name: str, value: object, low: float, high: float, expected: str) -> None:
-    if not (isinstance(value, Real) and low <= value <= high):
-        raise MapError(setting(name, value), expected, f"correct {keyword(name)}, or leave it out")
-
-
-def _frame(city: CityMap, offset: np.ndarray) -> shapely.Polygon:
-    deep, wide = (side * city.metres_per_pixel for side in city.shape)
-    left, top = city.north_west - offset
-    return shapely.box(left, top - deep, left + wide, top)
 
 
 class _Ground:
@@ -342,7 +337,7 @@ class _PolygonScore:
         done, score = placing, np.full(len(placing), -1.0)
         waiting = np.arange(len(placing))
         for shrink in _SHRINKS:
-            trial = placing.select(waiting).shrink(shrink).slacken(_SLACK, self.library)
+            trial = placing.select(waiting).shrink(shrink, _SLACK, self.library)
             found, beyond = self._areas(trial)
             fits = (beyond <= _GRAIN) & trial.within_scale
             at = waiting[fits]
@@ -399,11 +394,7 @@ def _make_substitution(best, polygons, offset, ground, walls, library) -> Substi
     count, at = len(polygons), placing.building
     shapes, heights = polygons.copy(), walls.heights.astype(np.float64)
     objects = np.full(count, -1, np.int32)
-    transforms, vertical, iou = (
-        np.full((count, 2, 3), np.nan),
-        np.full(count, np.nan),
-        np.full(count, np.nan),
-    )
+    transforms, (vertical, iou) = np.full((count, 2, 3), np.nan), np.full((2, count), np.nan)
     objects[at], iou[at] = placing.object, score
     matrices = placing.matrices
     matrices[:, :, 2] += offset
@@ -413,7 +404,5 @@ def _make_substitution(best, polygons, offset, ground, walls, library) -> Substi
     own = library.heights[placing.object]
     vertical[at] = np.clip(heights[at] / own, 1 - SCALE, 1 + SCALE)
     heights[at] = own * vertical[at]
-    columns = (heights, objects, transforms, vertical, iou)
-    for array in columns:
-        array.setflags(write=False)
+    columns = map(read_only, (heights, objects, transforms, vertical, iou))
     return Substitution(shapes, *columns, ground.attached, walls, library)

@@ -1,8 +1,7 @@
 """The search: a recipe in, generations out, by ask, evaluate and tell.
 
 - `engine`: `Search`, the loop, which writes every birth into the log
-- `schedules`: whole generations, or births one at a time in an ordered window
-- `replay_check`: replays a few births while the search goes on
+- `schedules`: whole generations, or an ordered window; replays of a few births meanwhile
 - `toolbox`: DEAP's own algorithms on city genomes
 - `preparation`: everything before the first birth
 - `breeding`: plans and births

@@ -18,7 +18,7 @@ from evocity.search.preparation.preparation import Prepared, prepare
 from evocity.search.preparation.startup import Crew, block_sides, create_run_folder, start_engine
 from evocity.search.preparation.trust import Permission
 from evocity.search.record.commands import Pick, Reweight, Stop
-from evocity.search.resume.resume import ResumedRun, orders_of, reopen_run
+from evocity.search.resume.resume import ResumedRun, reopen_run
 from evocity.search.schedules import SteadyState, WholeGenerations
 from evocity.search.steering.execution import Steering, genomes_of
 from evocity.search.steering.generation import Generation, Pace, refuse_failures
@@ -36,7 +36,7 @@ from evocity.store import BackgroundWriter, Birth, refuse_existing
 
 
 class Search:
-    """Search by a recipe: an iterator of `Generation`, and a context manager.
+    """Search for cities by a recipe: an iterator of `Generation`, and a context manager.
 
     >>> with Search(read_recipe("demo"), out="runs/demo") as search:  # doctest: +SKIP
     ...     for generation in search:
@@ -46,23 +46,24 @@ class Search:
 
     Parameters
     ----------
-    recipe : recipe from `read_recipe`.
-    out : run folder to be created. None records nothing.
-    workers : number of worker processes, in place of the recipe's number. With 0, this process
-        evaluates all births, without deadlines. The number does not change the births.
-    cluster : Dask cluster, in place of the recipe's: "tcp://HOST:PORT", "local:N" or "none". Each
-        worker of the cluster hosts ``workers`` processes, by default one per thread.
+    recipe : recipe of the search, from `read_recipe`.
+    out : run folder to be created; with None, the search records nothing.
+    workers : number of worker processes, in place of the recipe's number. With ``workers=0`` this
+        process evaluates all births, without deadlines. The number of workers changes no birth.
+    cluster : address of a Dask cluster, in place of the recipe's: "tcp://HOST:PORT", "local:N" or
+        "none". With a cluster, ``workers`` is the number of processes in each Dask worker, by
+        default one per thread.
     progress : function that is called with a few words on each step before the first generation.
     observers : receivers of generations and events, see `evocity.search.steering.observers`.
-    clock : time that ``[stop] until`` compares.
+    clock : function that returns the time that the search compares with ``until`` of ``[stop]``.
 
-    A run in progress takes the commands `stop`, `pick` and `reweight`, also through its folder.
+    The commands `stop`, `pick` and `reweight` can control a search through its run folder. The
+    attribute ``notes`` lists sentences for the user: how files of maps were read, which constraints
+    no parent keeps, and what changed before a `resume`. To use workers in a script, start the
+    search under ``if __name__ == "__main__":``.
 
-    The attribute ``notes`` lists sentences for the user. They describe how `prepare` read the maps'
-    files, which constraints no parent keeps, and what changed before a `resume`. Raises `RunError`
-    if ``out`` exists or the cluster cannot be reached. Raises `FitnessError` if a measure declared
-    in this session, such as in a notebook's cell, cannot be sent to workers. To use workers in a
-    script, start the search under ``if __name__ == "__main__":``.
+    Raises `RunError` if ``out`` exists or the cluster cannot be reached. Raises `FitnessError` if
+    a measure from this session, such as from a notebook's cell, cannot be sent to workers.
     """
 
     def __init__(
@@ -77,9 +78,9 @@ class Search:
     ):
         if not isinstance(recipe, Recipe):
             raise RecipeError(
-                f"the recipe of a search is a {type(recipe).__name__}",
-                "a Recipe",
-                "read a recipe first: evocity.read_recipe(path or bundled name)",
+                f"Search received a {type(recipe).__name__} in place of a recipe",
+                "an object of the class evocity.Recipe",
+                "read the recipe first: evocity.read_recipe(path or bundled name)",
             )
         if out is not None:
             refuse_existing(out)
@@ -117,23 +118,24 @@ class Search:
         clock: Clock = current_time,
         cluster: str | None = None,
     ) -> "Search":
-        """Continue the run in ``path`` after its last whole generation.
+        """Continue the run in ``path`` after its last complete generation.
 
-        The arguments ``generations`` and ``until`` replace the values of the recipe. If a rule of
-        ``[stop]`` still holds, no generation follows, and ``notes`` say which value to change. If
-        you ask for more generations, the search ignores an earlier stagnation and a target already
-        reached.
+        The arguments ``generations`` and ``until`` replace the values in the recipe. If a rule of
+        ``[stop]`` still ends the run, the search makes no new generation, and ``notes`` say which
+        value to change. If the argument ``generations`` adds generations, the run continues despite
+        an earlier stagnation or a target already reached.
 
-        The argument ``recipe`` is another recipe, or its path. It judges all births, and its new
-        measures score them too. `RecipeError` lists the changes that a run cannot take.
+        The argument ``recipe`` is a new recipe, or its path. The goals of the new recipe judge all
+        earlier births again. Earlier births are evaluated by measures that only the new recipe has.
 
-        Raises `RunError` in these cases.
+        If the new recipe changes what must stay the same during a run, `RecipeError` lists these
+        changes. The resume raises `RunError` in the following cases.
 
         - The recipe, a map or the source of a measure has changed, and ``accept_changes`` is False.
-          The message names each change; no changed file is executed before.
-        - The run cannot take the change, or already has more generations.
-        - The run started on another machine and brings its own measures or commands. Nothing of
-          them is executed unless ``trust`` confirms them.
+          The error message lists the changes. The resume executes none of the changed files.
+        - A change is not allowed, or the run has more than ``generations`` generations.
+        - The run started on another machine, its recipe names measure files or commands, and
+          ``trust`` is False. The resume executes no measure file and no command.
         """
         overrides = {"run.generations": generations, "stop.until": until}
         permission, tell = Permission(trust, accept_changes), progress or (lambda text: None)
@@ -150,10 +152,7 @@ class Search:
             status, search._next = resumed.run.status(), resumed.next
             search._births, search._failures = status["births"], status["failures"]
             search._observers.log(search._writer)
-            lines = writer.commands(0)
-            old = lines[-1][0] + 1 if lines else 0
-            orders = orders_of(resumed.run, resumed.next)
-            search._steering = Steering(search.recipe, search._genomes_of, orders, old)
+            search._steering = resumed.steering(search._genomes_of)
             search._settle()
             resumed.restore(search._population)
             logged = search._stopping.resume(resumed.run, search._population.living, more)
@@ -177,34 +176,34 @@ class Search:
 
     @property
     def finished(self) -> bool:
-        """True after the last generation of the recipe."""
+        """Whether the last generation of the recipe is over."""
         return self._next > self.recipe.run.generations
 
     @property
     def asked_to_stop(self) -> bool:
-        """True if a command ended the search."""
+        """Whether the command `stop` ended the search."""
         return self._steering.orders.stop
 
     @property
     def stopped_by(self) -> Reason | None:
-        """Rule of the recipe's ``[stop]`` that ended the search; None if no rule ended it."""
+        """Rule in ``[stop]`` of the recipe that ended the search, or None if no rule did."""
         return None if self._stopping is None or self.finished else self._stopping.reason
 
     def stop(self) -> None:
-        """End the search after the generation that it is breeding, as ``evocity stop`` does."""
+        """End the search after the present generation, like the command ``evocity stop``."""
         self._steering.add(Stop())
 
     def pick(self, ids: Sequence[int], share: float | None = None) -> None:
-        """Breed also from the individuals ``ids``, from the next generation on. Ids of failed
-        births and unknown ids are refused. See `evocity.search.record.commands.Pick`."""
+        """Use the individuals with these ``ids`` as additional parents from the next generation on.
+        Events report unknown and failed births. See `evocity.search.record.commands.Pick`."""
         self._steering.add(Pick(ids=tuple(ids), share=share))
 
     def reweight(self, **weights: float) -> None:
-        """Set new weights of operators, or of measures in a sum, from the next generation on."""
+        """Set ``weights`` of operators, or of measures in sums, from the next generation on."""
         self._steering.add(Reweight(weights=weights))
 
     def observe(self, observer: Observer) -> None:
-        """Pass all later events to an ``observer``."""
+        """Pass all later generations and events to an ``observer``."""
         self._observers.add(observer)
 
     def __iter__(self) -> Iterator[Generation]:
@@ -224,25 +223,25 @@ class Search:
         self.close()
 
     def prepare(self) -> None:
-        """Prepare the first generation now, instead of at its beginning.
+        """Prepare the search now, instead of at the beginning of its first generation.
 
-        This reads and encodes the parents, starts the workers, checks which constraints the parents
-        keep, and creates the run folder. Nothing happens if the run is prepared or resumed.
+        The preparation reads and encodes the parents, starts the workers, checks which constraints
+        the parents keep, and creates the run folder. A second call of `prepare` changes nothing.
 
         Raises `MapError`, `GenomeError` or `FitnessError` if a map cannot be used. Raises
-        `RecipeError` if no parent keeps a constraint and no birth can keep it better. See
-        `evocity.search.preparation.constraints`.
+        `RecipeError` if no parent keeps a constraint, and breeding cannot bring births closer to
+        its bound. See `evocity.search.preparation.constraints`.
         """
         self._refuse_closed("prepare()")
         if self._prepared is None:
             self._start(True)
 
     def ask(self) -> list[Genome]:
-        """Breed the next generation, without refinements. Return the genomes to evaluate, in order.
+        """Breed the next generation, without refinements. Return the genomes for you to evaluate.
 
-        Births whose operator failed are not returned; `tell` logs them. If `prepare` was not
-        called, nothing checks which constraints the parents keep. Raises `RunError` if called twice
-        without `tell`, after the last generation, or after `close`.
+        The returned list lacks births whose operator failed; `tell` logs these births. Only
+        `prepare` checks which constraints the parents keep. Raises `RunError` in three cases:
+        `tell` did not follow the last `ask`; the last generation is over; the search is closed.
         """
         if self._pending is None and not self._closed and not self._carry_out_commands():
             by = self.stopped_by
@@ -250,13 +249,13 @@ class Search:
             raise RunError(
                 f"ask() was called, but the search {found}",
                 "a search that is still running",
-                "call close(); to go on: Search.resume(path)",
+                "close the search with close(), then continue the run with Search.resume(path)",
             )
         if self.recipe.search.window is not None:
             raise RunError(
                 f"ask() does not work with [search] window = {self.recipe.search.window}",
-                "a search that plans its births generation by generation",
-                "leave `window` out of [search]",
+                "a recipe that breeds whole generations",
+                "remove the key `window` from [search] of the recipe",
             )
         self._begin_generation("ask()", guarded=False)
         plans = self._schedule.plans(self._next, self._guidance())
@@ -264,22 +263,22 @@ class Search:
         return [child.breeding.genome for child in without_failed(self._pending)]
 
     def tell(self, results: Sequence[Outcome | Mapping[str, float] | Exception]) -> Generation:
-        """Take the results of the genomes from `ask`, in their order. Select, and log the whole
+        """Take a result for each genome of `ask`, in their order; select the survivors and log the
         generation.
 
-        A result is a mapping from every measure to its value, or the exception that prevented it.
-        NaN and infinity make a birth invalid. NaN of a measure that is only a constraint breaks the
-        constraint. Measures that are only recorded may be missing.
+        A result is a mapping from each measure to its value, or the exception that the evaluation
+        raised. A birth with a value of NaN or infinity is invalid. If a measure is only a
+        constraint, NaN breaks the constraint. Measures that are only recorded may be missing.
 
-        Raises `RunError` without a call of `ask` before, or after `close`, because another process
-        may hold the run folder by then.
+        Raises `RunError` if you call `tell` before `ask`, or after `close` has released the run
+        folder.
         """
         self._refuse_closed("tell()")
         if self._pending is None:
             raise RunError(
                 "tell() was called before ask()",
-                "ask() and tell() in turn",
-                "call ask() for genomes first",
+                "a call of ask() before each call of tell()",
+                "call ask(), evaluate its genomes, then call tell() with the results",
             )
         offspring = add_results(self._pending, results, self._prepared)
         return self._record(self._schedule.select(offspring, self._next))
@@ -295,13 +294,13 @@ class Search:
             self._record_end(error)
 
     def flush(self) -> None:
-        """Wait until all births are written. Raises `RunError` if they cannot be written."""
+        """Wait until all births are written. Raises `RunError` if a birth cannot be written."""
         if self._writer is not None and not self._closed:
             self._writer.flush()
 
     def close(self) -> None:
-        """Stop the workers, write the waiting births, and release the run folder. A second call
-        does nothing."""
+        """Stop the workers, write the births that are not yet written, and release the run folder.
+        A second call of `close` changes nothing."""
         self._closed = True
         if self._schedule is not None:
             self._schedule.close()
@@ -360,7 +359,7 @@ class Search:
     def _start_pool(self) -> None:
         setup = self._prepared, self._crew, self._shipment, self._tell
         self._pool = start_engine(*setup, lambda text: self._observers.event("retry", reason=text))
-        self._pace = Pace(self._pool.size)
+        self._pace, self.notes = Pace(self._pool.size), [*self.notes, *self._pool.notes]
 
     def _record_end(self, error: BaseException | None) -> None:
         """Log why the run stops, once; the next resume drops an unfinished generation."""
@@ -377,7 +376,7 @@ class Search:
             raise RunError(
                 f"{call} was called after the search was closed",
                 "an open search",
-                "call ask() and tell() before close(); to go on now: Search.resume(path)",
+                "call close() only at the end; continue a recorded run with Search.resume(path)",
             )
 
     # -- one generation ------------------------------------------------------------------
@@ -385,9 +384,9 @@ class Search:
     def _carry_out_commands(self) -> bool:
         """Carry out the commands since the last generation; return whether the search goes on."""
         steering, weights = self._steering, self._steering.orders.weights
-        lines = [] if self._writer is None else self._writer.commands(steering.orders.read)
-        for event, details in steering.carry_out(lines, self._next):
-            self._observers.event(event, **details)
+        for event, details in steering.carry_out_from(self._writer, self._next):
+            if event is not None:
+                self._observers.event(event, **details)
             if details.get("command") == "reweight" and self._stopping is not None:
                 self._stopping.reset_progress()
         if steering.orders.weights != weights and self._population is not None:
@@ -400,20 +399,19 @@ class Search:
         return genomes_of(ids, None if self._writer is None else self.out, living)
 
     def _begin_generation(self, call: str, guarded: bool = True) -> None:
-        """Before the first generation, prepare the run, ``guarded`` or not as by `prepare`."""
         self._refuse_closed(call)
         if self._pending is not None:
             waiting = len(without_failed(self._pending))
             raise RunError(
                 f"{call} was called, but {waiting} genomes of ask() still wait for their results",
-                "ask() and tell() in turn",
-                "call tell(results) first",
+                "a call of tell() after each call of ask()",
+                "call tell() with the results of these genomes first",
             )
         if self.finished:
             raise RunError(
                 f"{call} was called after the last generation",
-                f"generations up to {self.recipe.run.generations}",
-                "go on with more generations: Search.resume(path, generations=…)",
+                f"a call in one of the generations 0 to {self.recipe.run.generations}",
+                "continue with more generations: Search.resume(path, generations=…)",
             )
         if self._prepared is None:
             self._start(guarded)
@@ -424,7 +422,6 @@ class Search:
         return Guidance(self._steering.picks, weights)
 
     def _record(self, births: Sequence[Birth]) -> Generation:
-        """Log the ``births`` of the next generation, and who lives on."""
         self._births += len(births)
         self._failures += sum(not birth.ok for birth in births)
         population, (rate, seconds) = self._population, self._pace.end(births)

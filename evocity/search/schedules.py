@@ -5,19 +5,28 @@ one at a time, in the order of their ids. Once birth k is admitted, birth k + w 
 those who live then: its parents are at least w births older, and w births are under way. The first
 w are founders, as all of generation 0 are. The result depends neither on the number of workers nor
 on which of them is done first.
+
+`ReplayCheck` replays a few births while the search goes on, and compares them.
 """
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from copy import deepcopy
+from dataclasses import replace
+
+import numpy as np
 
 from evocity.evaluation import Engine
 from evocity.search.breeding.archipelago import Archipelago, Tell
-from evocity.search.breeding.births import Offspring
-from evocity.search.breeding.plans import Guidance, Plan
+from evocity.search.breeding.births import LOST, Offspring, stream_offspring
+from evocity.search.breeding.plans import Guidance, Plan, birth_generator
 from evocity.search.preparation.preparation import Prepared
-from evocity.search.replay_check import ReplayCheck
+from evocity.search.record.complete_run import DIFFERS, differences, json_differences
 from evocity.search.resume.logged_plans import PastState
 from evocity.store import Birth, RunLog
+
+#: The share of births that is replayed.
+RATE = 0.001
 
 
 class WholeGenerations:
@@ -92,8 +101,7 @@ class SteadyState:
         cls, run: RunLog, prepared: Prepared, generation: int, engine: Engine, event: Tell
     ) -> "SteadyState":
         """Go on with a ``generation`` after the first of a logged ``run``: admit its last w births
-        again, so that the births under way when it stopped are planned. ``event`` is called with
-        events from now on."""
+        again, so that the births under way are planned. ``event`` is called with later events."""
         size, window = prepared.recipe.run.population, prepared.recipe.search.window
         first = max(0, generation * size - window) // size
         past = PastState.of(run, prepared, first)
@@ -131,6 +139,61 @@ class SteadyState:
             self._planned += 1
 
     def _next_plans(self) -> Iterator[Plan | None]:
-        """All plans as they are made; None while no plan is ready."""
         while self._plans or self._planned < self._end:
             yield self._plans.popleft() if self._plans else None
+
+
+class ReplayCheck:
+    """Carries out the plans of a search, some of them twice. It calls ``event`` with `DIFFERS` for
+    pairs that differ. A pair of which one hung or died is not compared."""
+
+    def __init__(self, prepared: Prepared, event: Callable[..., None]):
+        self._run, self._aims, self._event = prepared.recipe.run, prepared.aims, event
+        self._chosen: tuple[int, frozenset[int]] = -1, frozenset()
+        self._twins: dict[int, Plan] = {}
+        self._pairs: dict[int, dict[bool, Offspring]] = {}  # id -> the birth (False), its twin
+
+    def stream(self, engine: Engine, plans: Iterator[Plan | None]) -> Iterator[Offspring]:
+        """Do as `evocity.search.breeding.births.stream_offspring`, and keep the twins."""
+        for child in stream_offspring(engine, self._with_twins(plans)):
+            is_twin = self._twins.get(child.plan.id) is child.plan
+            if child.plan.id in self._twins:
+                self._compare(child, is_twin)
+            if not is_twin:
+                yield child
+
+    def breed_and_evaluate(self, engine: Engine, plans: list[Plan]) -> list[Offspring]:
+        """Breed and evaluate all ``plans``, and keep the twins; the result has their order."""
+        done = {child.plan.id: child for child in self.stream(engine, iter(plans))}
+        return [done[plan.id] for plan in plans]
+
+    def is_chosen(self, identifier: int) -> bool:
+        """Whether a birth is replayed: a generator of its generation decides."""
+        generation, slot = divmod(identifier, self._run.population)
+        if self._chosen[0] != generation:
+            rng = birth_generator(self._run.seed, generation, 0, 1)
+            drawn = rng.random(self._run.population)
+            self._chosen = generation, frozenset(np.flatnonzero(drawn < RATE).tolist())
+        return slot in self._chosen[1]
+
+    def _with_twins(self, plans: Iterator[Plan | None]) -> Iterator[Plan | None]:
+        for plan in plans:
+            if plan is None or not self.is_chosen(plan.id):
+                yield plan
+                continue
+            twin = replace(plan, rng=deepcopy(plan.rng))  # before the first draws from it
+            self._twins[plan.id] = twin
+            yield plan
+            yield twin
+
+    def _compare(self, child: Offspring, is_twin: bool) -> None:
+        pair = self._pairs.setdefault(child.plan.id, {})
+        pair[is_twin] = child
+        if len(pair) < 2:
+            return
+        del self._pairs[child.plan.id], self._twins[child.plan.id]
+        generation = child.plan.id // self._run.population
+        then, now = (pair[twin].birth(generation, self._aims) for twin in (False, True))
+        if {then.status, now.status}.isdisjoint(LOST) and (found := differences(then, now)):
+            differs = json_differences(found)
+            self._event(DIFFERS, generation=generation, id=then.id, differs=differs)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from evocity.citymap import CityMap
-from evocity.errors import EvocityError, OperatorError, RecipeError, spell
+from evocity.errors import EvocityError, OperatorError, RecipeError, plain_text, spell
 from evocity.evaluation import Engine
 from evocity.evaluation.compilation import compile_once, kernel_parts
 from evocity.genome import Genome
@@ -56,7 +56,9 @@ class City:
         if self._genome is None and self.error is None:
             self._breed(self)
         if self._genome is None:
-            raise OperatorError(self.error, "an individual that was bred", "breed from another")
+            raise OperatorError(
+                self.error, "an individual whose breeding succeeded", "choose another parent"
+            )
         return self._genome
 
     @genome.setter
@@ -89,7 +91,7 @@ class City:
 
     def __repr__(self) -> str:
         text = self.error or (f"{self.genome}" if self.bred else "not bred yet")
-        return f"City({text})"
+        return f"City({plain_text(text)})"
 
 
 class Toolbox(deap.Toolbox):
@@ -178,11 +180,11 @@ class Toolbox(deap.Toolbox):
 
     def _child(self, weights: dict[str, float], *parents: City) -> City:
         if not weights:
-            kind = "two parents" if len(parents) > 1 else "one parent"
+            kind, chance = ("two parents", "cxpb") if len(parents) > 1 else ("one parent", "mutpb")
             raise OperatorError(
                 f"[operators] has no operator for {kind}, only {', '.join(self.recipe.operators)}",
-                f"an operator for {kind}",
-                "add such an operator to the recipe, or set the probability of such births to 0",
+                f"an operator that breeds from {kind}",
+                f"add such an operator to the recipe, or set DEAP's probability {chance} to 0",
             )
         rng = birth_generator(self.recipe.run.seed, _BIRTHS, next(self._births))
         names = list(weights)
@@ -243,8 +245,8 @@ def deap_toolbox(
     workers: int | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Toolbox:
-    """Make a ``deap.base.Toolbox`` with the cities, operators and measures of a recipe. Every
-    algorithm of DEAP runs on this toolbox.
+    """Make a ``deap.base.Toolbox`` with the cities, operators and measures of a recipe, on which
+    every algorithm of DEAP runs.
 
     >>> from deap import algorithms, tools  # doctest: +SKIP
     >>> with evocity.deap_toolbox(evocity.read_recipe("demo")) as toolbox:  # doctest: +SKIP
@@ -253,26 +255,28 @@ def deap_toolbox(
     ...     )
     ...     best = tools.selBest(population, 1)[0].city
 
-    Fitnesses are losses, one for each goal; lower is better. An individual that breaks a constraint
-    has losses of `BROKEN` or more. An individual that failed has losses of `FAILED`.
+    The fitness of an individual is one loss for each goal, and lower losses are better. If an
+    individual breaks a constraint, its losses are at least the constant `BROKEN`. If an individual
+    failed, each of its losses is the constant `FAILED`.
 
-    The argument ``workers`` replaces the recipe's number of processes. With 0, this process
-    evaluates all births. Operators draw random numbers from the recipe's seed. DEAP draws from
-    Python's ``random``, which you seed yourself.
+    The argument ``workers`` replaces the recipe's number of processes; with ``workers=0``, this
+    process evaluates all births. Operators draw random numbers from the recipe's seed. DEAP draws
+    random numbers from Python's ``random``, which you seed yourself.
 
-    Raises the errors of `Search.prepare`, and `RecipeError` for a recipe with islands.
+    The function raises the same errors as `Search.prepare`. Raises `RecipeError` for a recipe with
+    islands.
     """
     if not isinstance(recipe, Recipe):
         raise OperatorError(
             f"{spell(recipe)} is not a recipe",
-            "a Recipe",
-            "read a recipe first: evocity.read_recipe(path)",
+            "an object of the class evocity.Recipe",
+            "read the recipe first: evocity.read_recipe(path)",
         )
     if recipe.islands:
         raise RecipeError(
-            f"the recipe has {len(recipe.islands)} islands, but DEAP's algorithms breed no islands",
-            "a recipe of one population",
-            "leave [[islands]] out; DEAP's own migRing moves individuals between lists of them",
+            f"the recipe has {len(recipe.islands)} islands, but a DEAP toolbox breeds no islands",
+            "a recipe with one population",
+            "remove [[islands]]; deap.tools.migRing moves individuals between your own populations",
         )
     return Toolbox(recipe, workers, progress or (lambda text: None))
 
@@ -282,8 +286,9 @@ def _refuse_others(*individuals: object) -> None:
         if not isinstance(one, City):
             raise OperatorError(
                 f"{spell(one)} is not an individual of this toolbox",
-                "an individual that toolbox.individual, population, mate or mutate made",
-                "register functions that return individuals of this toolbox",
+                "an individual that this toolbox made, with one of its functions individual, "
+                "population, mate and mutate",
+                "register only functions that return individuals of this toolbox",
             )
 
 

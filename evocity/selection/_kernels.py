@@ -28,8 +28,7 @@ def _resemble(look, other, step, most):
 
 @kernel
 def resembles(look, others, step, most):
-    """Whether a ``look`` (n,) differs by more than ``step`` in at most ``most`` cells from one of
-    the ``others`` (k, n)."""
+    """Whether a ``look`` (n,) differs from one of ``others`` (k, n) in at most ``most`` cells."""
     for k in range(others.shape[0]):  # noqa: SIM110
         if _resemble(look, others[k], step, most):
             return True
@@ -63,8 +62,8 @@ def first_apart(looks, step, mosts, count):
 
 @kernel
 def _adds(losses, reference, left, row):
-    """Compute the area that a ``row`` of two losses adds to that of the other rows ``left``. It
-    sums in the order of moocore, so the result is the same to the bit."""
+    """Compute the area that a ``row`` of two losses adds to the rows ``left``, as moocore to the
+    bit."""
     x, y = losses[row, 0], losses[row, 1]
     above, right, found = reference[1], reference[0], False
     for other in range(len(losses)):
@@ -83,9 +82,8 @@ def _adds(losses, reference, left, row):
 
 @kernel
 def least_of_two(losses, reference, known, count):
-    """Drop ``count`` rows of one front of two losses, (n, 2), as `least_first` of
-    `evocity.selection.backends.moocore` does, and update the ``known`` (n,) contributions. Returns
-    the rows in the order of dropping."""
+    """Drop ``count`` rows of a front of two losses as `moocore.least_first`, and update
+    ``known``."""
     left, fresh = np.ones(len(losses), np.bool_), np.ones(len(losses), np.bool_)
     dropped = np.empty(count, np.int64)
     for turn in range(count):

@@ -20,10 +20,11 @@ _ALIKE = 0.01
 
 @dataclass(frozen=True)
 class Grid:
-    """Cells over the measures ``descriptors``: ``counts`` cells along each, between the ``ranges``
-    (lowest, highest) of each, in its unit.
+    """Cells over the measures ``descriptors``; ``counts`` is the number of cells along each
+    measure, and ``ranges`` is the lowest and highest value of each measure, in its unit.
 
-    The last descriptor numbers cells fastest. Values beyond a range belong to the cell at its end.
+    The numbers of cells run fastest along the last descriptor. A value outside a range belongs to
+    the cell at the nearer end of the range.
 
     >>> grid = Grid(("gsi", "alignment"), (4, 10), ((0.0, 1.0), (0.0, 1.0)))
     >>> grid.cells([[0.3, 0.55], [0.3, 7.0], [0.3, float("nan")]])
@@ -48,7 +49,8 @@ class Grid:
         return np.where(known, np.ravel_multi_index(places, self.counts), -1)
 
     def places(self, cells: np.ndarray) -> np.ndarray:
-        """Find the place of ``cells`` (n,) along each descriptor, int ``(n, d)``, 0 the lowest."""
+        """Find the place of ``cells`` (n,) along each descriptor, int ``(n, d)``; the lowest place
+        is 0."""
         places = np.unravel_index(np.asarray(cells, np.int64), self.counts)
         return np.stack(places, axis=-1).astype(np.int64)
 
@@ -88,7 +90,7 @@ def ranges_around(
     if faults:
         raise RecipeError(
             f"the grid of map_elites has no ranges: {'; '.join(faults)}",
-            "descriptors in which two parents differ by at least a hundredth, or given ranges",
+            "descriptors in which two parents differ by at least 1 %, or ranges in the recipe",
             f"write under [search] ranges = [[low, high], …], one range for each of "
             f"{', '.join(descriptors)}, or choose other descriptors",
         )
@@ -116,8 +118,8 @@ class Quality:
         return np.maximum(0.0, (self._scale.reference - self._scale(losses))[:, 0])
 
     def summary(self, grid: Grid, losses: np.ndarray) -> dict[str, float]:
-        """Compute ``coverage``, the share of filled cells, ``cells``, their number, and
-        ``qd_score``, from the ``losses`` (n,) in filled cells."""
+        """Compute ``coverage``, ``cells`` and ``qd_score`` from the ``losses`` (n,) in filled
+        cells."""
         filled = len(losses)
         return {
             "coverage": filled / len(grid),

@@ -40,11 +40,8 @@ def crowding_of(losses: np.ndarray, ranks: np.ndarray) -> np.ndarray:
 
 
 def not_dominated(losses: np.ndarray) -> np.ndarray:
-    """Mark the rows of ``(n, m)`` losses that no other row dominates, bool ``(n,)``. Of equal rows
-    only the first counts.
-
-    It is the first front of `ranks_of` without doubles, and far quicker for many rows.
-    """
+    """Mark the rows of ``(n, m)`` losses that no other row dominates; of equal rows the first. It
+    is the first front of `ranks_of` without doubles, and far quicker for many rows."""
     from evocity.selection.backends import moocore
 
     losses = np.ascontiguousarray(losses, np.float64)
@@ -81,11 +78,7 @@ def volume_is_quick(points: int, losses: int) -> bool:
 
 
 class Hypervolume:
-    """Hypervolume in units of the first population's ranges.
-
-    The losses ``(n, m)`` of the first population fix the scale: the best of each loss is 0, the
-    worst is 1, and the reference lies 10 % beyond the worst.
-    """
+    """Hypervolume in units of the first population's ranges, up to 10 % beyond its worst."""
 
     def __init__(self, first: np.ndarray):
         self._scale = Scale(first)

@@ -8,10 +8,11 @@ from evocity.genome import Genome
 
 @dataclass(frozen=True)
 class Individual:
-    """A living individual. Its attributes are: ``values``, the raw value by measure; ``losses``,
-    the numbers that selection minimises, in the order of the objectives; ``violation``, how far it
-    breaks constraints, 0 if it keeps them; ``rank``, the number of its front, where 0 is the best;
-    ``marks``, further numbers of the algorithm, by name."""
+    """A living individual. The attribute ``values`` holds the raw value of each measure, and
+    ``losses`` holds the numbers that selection minimises, in the order of the objectives. The
+    number ``violation`` tells how far the individual violates constraints, 0 if all constraints
+    hold. The attribute ``rank`` is the number of the individual's front, 0 for the best front. The
+    attribute ``marks`` holds further numbers of the algorithm, by name."""
 
     id: int
     genome: Genome = field(repr=False)

@@ -45,15 +45,14 @@ class Population:
         rng: np.random.Generator,
         looks: Mapping[int, np.ndarray] | None = None,
     ) -> None:
-        """Let the algorithm select among the living and the new ``births``, with ``rng`` for its
-        draws. ``looks``: known looks of maps, by id."""
+        """Let the algorithm select among the living and ``births``; ``looks`` has known maps by
+        id."""
         self.begin_with(births)
         self._looks |= looks or {}
         self.admit([born for born in births if born.ok], rng)
 
     def admit(self, others: Sequence[Birth | Individual], rng: np.random.Generator) -> None:
-        """Let the algorithm select among the living and ``others``: births, or individuals of
-        another population."""
+        """Let the algorithm select among the living and ``others``, births or individuals."""
         candidates = {one.genome.digest: one for one in self.living}
         for one in others:
             candidates.setdefault(one.genome.digest, self._individual(one))
@@ -61,8 +60,7 @@ class Population:
         self._looks = {one.id: self._looks[one.id] for one in self.living if one.id in self._looks}
 
     def begin_with(self, births: Sequence[Birth]) -> None:
-        """Fix the hypervolume's unit by the first generation's births, and begin the algorithm with
-        them; later calls do nothing."""
+        """Begin the algorithm and the hypervolume with the first generation's births, only once."""
         first = [born for born in births if born.ok]
         if self._hypervolume is None and self._complete(first):
             self._first = [replace(born, genome=None) for born in first]
@@ -100,8 +98,7 @@ class Population:
 
     @property
     def hypervolume(self) -> float:
-        """The hypervolume of those that keep all constraints, in units of the first population's
-        ranges, see `Hypervolume`; 0 if there are none."""
+        """The hypervolume of the feasible, in units of the first population's ranges, or 0."""
         return volume_of(self.living, self._hypervolume)
 
     @property
@@ -114,8 +111,7 @@ class Population:
 
     @property
     def best(self) -> dict[str, float]:
-        """The raw value of the best individual for each goal, among those that break the
-        constraints least."""
+        """The value of the best individual by goal, among those that are least infeasible."""
         return best_of(self.living, self._aims)
 
     @property
@@ -134,15 +130,13 @@ class Population:
 
 
 def volume_of(living: Sequence[Individual], volume: Hypervolume | None) -> float:
-    """Compute the hypervolume of those of the ``living`` that keep all constraints, in the units of
-    a ``volume``; 0 if there are none."""
+    """Compute the hypervolume of the feasible of the ``living``, in units of a ``volume``, or 0."""
     feasible = [one.losses for one in living if not one.violation]
     return volume(np.array(feasible)) if feasible else 0.0
 
 
 def best_of(living: Sequence[Individual], aims: Aims) -> dict[str, float]:
-    """Return the raw value of the best of the ``living`` for each goal, among those that break the
-    constraints least."""
+    """Return the best value by goal, among those of the ``living`` that are least infeasible."""
     least = min((one.violation for one in living), default=0.0)
     best: dict[str, float] = {}
     for aim in aims.wanted:

@@ -31,8 +31,7 @@ def look_of(city: CityMap) -> np.ndarray:
 
 
 def alike(look: np.ndarray, others: np.ndarray, apart: float) -> bool:
-    """Whether a ``look`` (n,) resembles one of the ``others`` (k, n): they differ by more than a
-    storey in at most the share ``apart`` of the cells."""
+    """Whether a ``look`` (n,) resembles one of ``others`` (k, n), up to the share ``apart``."""
     return resembles(look, others, round(STOREY / _UNIT), int(apart * look.size))
 
 

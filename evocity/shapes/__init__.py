@@ -1,15 +1,14 @@
 """Shapes and curves of few numbers: iterated function systems of the plane and of space.
 
 - `shape`: `Shape`, maps with a primitive, a language and colours, and its pieces
-- `checks`: checks of maps, colours and primitives, and their errors
+- `checks`: checks of arrays, numbers, maps and colours, and their errors
 - `languages`: regular languages of words of maps: automata, counts, union, concatenation,
   complement
 - `contraction`: proofs and refutations that maps contract
 - `primitives`: points, lines and faces at each place
 - `dimension`: exact dimensions, and by counting boxes
-- `rendering`: masks, pictures, SVG
+- `rendering`: masks, pictures, SVG, solids in GLB
 - `colours`: palettes for other forms, colours stolen from a picture
-- `solids`: shapes of space in GLB
 - `classics`: well-known shapes
 - `curve`: curves of few control points, such as Bézier curves and splines
 - `detail`: a line as a curve with details, level by level: `Detailed`

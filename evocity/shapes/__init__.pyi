@@ -25,13 +25,13 @@ from .lines import crossing_of as crossing_of
 from .lines import resampled as resampled
 from .primitives import PRIMITIVES as PRIMITIVES
 from .primitives import Primitive as Primitive
+from .rendering import glb_of as glb_of
 from .rendering import line_picture as line_picture
 from .rendering import mask_of as mask_of
 from .rendering import picture_of as picture_of
 from .rendering import svg_of as svg_of
 from .shape import Pieces as Pieces
 from .shape import Shape as Shape
-from .solids import glb_of as glb_of
 from .wires import Metamorphosis as Metamorphosis
 from .wires import metamorphosis as metamorphosis
 from .wires import wire as wire

@@ -28,9 +28,7 @@ def walked(
     marks, paint, middle, scale, offset, side = grid
     letters, size = maps.shape[0], maps.shape[1]
     products = np.empty((depth + 1, size, size + 1))
-    products[0] = 0.0
-    for k in range(size):
-        products[0, k, k] = 1.0
+    products[0] = np.eye(size, size + 1)
     states = np.zeros(depth + 1, np.int64)
     letter = np.zeros(depth + 1, np.int64)
     level, count = 0, 0
@@ -120,10 +118,8 @@ def _small(product, corners, fine):
 
 @kernel
 def farthest(maps, table, points, centre, radius, direction, slack):
-    """Compute how far the attractor reaches in a ``direction`` ``(m,)``, up to ``slack`` too
-    little.
-
-    It takes the greatest dot product with ``points`` ``(S, m)``, one of each state's attractor,
+    """Compute how far the attractor reaches in a ``direction``, up to ``slack`` too little. It
+    takes the greatest dot product with ``points`` ``(S, m)``, one of each state's attractor,
     under all products for which a ball about ``centre`` with ``radius`` could reach farther.
     ``table`` has no dead ends."""
     letters, size = maps.shape[0], maps.shape[1]

@@ -1,41 +1,60 @@
-"""Checks of maps, colours and primitives of shapes, and their errors."""
+"""Checks of arrays and numbers, of maps and colours of shapes, and errors of shapes."""
 
-import warnings
-from dataclasses import replace
+from collections.abc import Callable
 
 import numpy as np
 
-from evocity.errors import spell
-from evocity.shapes.contraction import Contraction
+from evocity.errors import check_number, spell
 from evocity.shapes.languages import ShapeError
-from evocity.shapes.primitives import Primitive
 
 #: The most maps of a shape.
 MOST_MAPS = 256
 
 
+def array_like(
+    given: object, what: str, allowed: str, fits: Callable[[tuple[int, ...]], bool]
+) -> np.ndarray:
+    """Convert to a read-only array of finite floats whose shape ``fits``; raises `ShapeError`.
+
+    what, allowed : the plural of the values, and the allowed shapes, for messages.
+    """
+    try:
+        array = np.array(given, np.float64)
+    except (TypeError, ValueError):
+        array = np.zeros(0)
+    if not fits(array.shape):
+        raise ShapeError(
+            f"the {what} have the shape {array.shape}",
+            f"an array of the shape {allowed}",
+            f"give the {what} in this shape",
+        )
+    if not np.isfinite(array).all():
+        at = int(np.argwhere(~np.isfinite(array))[0, 0])
+        raise ShapeError(
+            f"entry {at} of the {what} is not finite",
+            "finite numbers in all entries; the first entry has the number 0",
+            f"correct entry {at} of the {what}",
+        )
+    array.setflags(write=False)
+    return array
+
+
+def check_range(name: str, value: float, low: float, high: float, whole: bool = False) -> None:
+    """Raise `ShapeError` unless a parameter is a number, or a ``whole`` one, of low…high."""
+    expected = f"a {'whole ' * whole}number of {low}…{high}"
+    check_number(name, value, low, high, expected, ShapeError, f"choose another {name}", whole)
+
+
 def maps_of(given: object) -> np.ndarray:
     """Convert to maps, float ``(N, m, m + 1)``, read-only; raises `ShapeError`."""
-    try:
-        maps = np.array(given, np.float64)
-    except (TypeError, ValueError):
-        maps = np.zeros(0)
-    if maps.ndim != 3 or maps.shape[1] not in (2, 3) or maps.shape[2] != maps.shape[1] + 1:
-        raise ShapeError(
-            f"the maps have the shape {maps.shape}",
-            "(N, 2, 3) or (N, 3, 4)",
-            "give a matrix for each map",
-        )
+    allowed = "(N, 2, 3) in the plane, or (N, 3, 4) in space"
+    maps = array_like(given, "maps", allowed, lambda shape: shape[1:] in ((2, 3), (3, 4)))
     if not 1 <= len(maps) <= MOST_MAPS:
         raise ShapeError(
-            f"a shape cannot have {len(maps)} maps",
-            f"1 to {MOST_MAPS} maps",
-            "give another number of maps",
+            f"a shape cannot have {len(maps)} affine maps",
+            f"1 to {MOST_MAPS} affine maps",
+            "remove some maps, or add a map",
         )
-    if not np.isfinite(maps).all():
-        at = int(np.argwhere(~np.isfinite(maps))[0, 0])
-        raise ShapeError(f"map {at} is not finite", "finite numbers", "correct this map")
-    maps.setflags(write=False)
     return maps
 
 
@@ -46,26 +65,22 @@ def colours_of(given: object, count: int) -> np.ndarray | None:
     colours = np.array(given, np.float64)
     if colours.shape != (count, 3) or not (colours >= 0).all() or not (colours <= 1).all():
         raise ShapeError(
-            f"invalid colours {spell(colours.tolist())}",
-            f"{count} times red, green, blue, each 0…1",
+            f"the colours {spell(colours.tolist())} are invalid",
+            f"three numbers from 0 to 1 (red, green and blue) for each of {count} affine maps",
             "correct the colours",
         )
     colours.setflags(write=False)
     return colours
 
 
-def in_space(primitive: Primitive, size: int) -> Primitive:
-    """Lay a primitive of the plane into space if ``size`` is 3."""
-    if primitive.size == size:
-        return primitive
-    if primitive.size > size:
+def check_same_space(first, second) -> None:
+    """Raise `ShapeError` if one of two shapes lies in the plane and the other in space."""
+    if first.size != second.size:
         raise ShapeError(
-            "the primitive lies in space, but the maps in the plane",
-            "a primitive of the plane",
-            "choose another primitive",
+            "one shape is two-dimensional, and the other shape is three-dimensional",
+            "two shapes with the same number of coordinates",
+            "choose two shapes that are both two-dimensional or both three-dimensional",
         )
-    points = np.column_stack([primitive.points, np.zeros(len(primitive.points))])
-    return replace(primitive, points=points)
 
 
 def corners(box: np.ndarray) -> np.ndarray:
@@ -73,9 +88,10 @@ def corners(box: np.ndarray) -> np.ndarray:
     return np.stack(np.meshgrid(*box.T, indexing="ij"), -1).reshape(-1, box.shape[1])
 
 
-def finite_language_error(remedy: str = "draw it to a depth=") -> ShapeError:
+def finite_language_error(remedy: str = "draw the shape to a depth=") -> ShapeError:
     """Make the error for a shape whose words end."""
-    return ShapeError("a language of finitely many words", "endless words", remedy)
+    found = "the language of the shape has only finitely many words"
+    return ShapeError(found, "a language with words of any length", remedy)
 
 
 def piece_count_error(count: int, most: int, more: str = "") -> ShapeError:
@@ -83,26 +99,5 @@ def piece_count_error(count: int, most: int, more: str = "") -> ShapeError:
     return ShapeError(
         f"the shape would have {count} pieces{more}",
         f"at most {most} pieces",
-        "lower the depth, draw coarser, or raise most=",
+        "choose a smaller depth or larger pixels, or raise the limit with the parameter most=",
     )
-
-
-def check_contraction(bounds: Contraction) -> None:
-    """Raise `ShapeError`, which names them, for maps that do not contract; warn if it is
-    unknown."""
-    if bounds.refuted:
-        named = " ".join(map(str, bounds.word))
-        raise ShapeError(
-            f"map {named}, whose spectral radius is {bounds.lower:.4g}"
-            if len(bounds.word) == 1
-            else f"maps {named} one after another, whose spectral radius is "
-            f"{bounds.lower ** len(bounds.word):.4g}",
-            "maps whose long products contract: a spectral radius below 1",
-            "shrink these maps, or leave their word out of the language",
-        )
-    if not bounds.proved:
-        warnings.warn(
-            f"maps that may not contract: their joint spectral radius lies between "
-            f"{bounds.lower:.4g} and {bounds.upper:.4g}",
-            stacklevel=4,
-        )

@@ -67,15 +67,16 @@ KNOWN = tuple(_KNOWN)
 
 
 def known(name: str) -> Shape:
-    """Make the shape with one of the names in `KNOWN`. Raises `ShapeError` for any other name.
+    """Make the well-known shape called ``name``, one of `KNOWN`. Raises `ShapeError` if `KNOWN`
+    does not contain the name.
 
-    Source: Sierpinski 1915 and 1916, von Koch 1904, Davis & Knuth 1970 (Heighway's dragon), Lévy
+    Sources: Sierpinski 1915 and 1916, von Koch 1904, Davis & Knuth 1970 (Heighway's dragon), Lévy
     1938, Barnsley 1988 (fern), Menger 1926.
     """
     if name not in _KNOWN:
         raise ShapeError(
             add_near_miss(f"shape {spell(name)}", name, _KNOWN),
             f"one of {', '.join(KNOWN)}",
-            "choose one of them",
+            "choose one of these shapes",
         )
     return _KNOWN[name]()

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from PIL import Image
 
 from evocity.shapes._kernels import DEEPEST
-from evocity.shapes.checks import corners, finite_language_error
+from evocity.shapes.checks import array_like, check_range, corners, finite_language_error
 from evocity.shapes.languages import ShapeError
 from evocity.shapes.rendering import Frame
 from evocity.shapes.shape import MOST_PIECES, Shape, walk
@@ -20,14 +20,15 @@ _PAPER = (255, 255, 255)
 
 
 def palette(colours: ArrayLike, mix: float = 0.5) -> Shape:
-    """Make the chequer of the unit square with ``colours`` ``(m, m, 3)``, each 0…1. Its m² maps go
-    column by column from the left, each column from below. Use `coloured_as` to give these colours
-    to a form with the same number of maps. Raises `ShapeError` for invalid colours."""
-    given = np.array(colours, np.float64)
-    if given.ndim != 3 or given.shape[0] != given.shape[1] or given.shape[2] != 3:
-        raise ShapeError(
-            f"the colours have the shape {given.shape}", "(m, m, 3)", "give m × m colours"
-        )
+    """Make a palette: the unit square, divided into m × m squares of the ``colours`` ``(m, m, 3)``.
+
+    The numbers for red, green and blue are 0…1. The squares follow the columns of colours from the
+    left, and run upwards in each column. The function `coloured_as` gives the colours of a palette
+    to a shape with the same number of maps. Raises `ShapeError` for invalid colours.
+    """
+    given = array_like(
+        colours, "colours", "(m, m, 3)", lambda s: len(s) == 3 and s[0] == s[1] and s[2] == 3
+    )
     side = len(given)
     maps = [
         [[1 / side, 0, i / side], [0, 1 / side, j / side]]
@@ -37,22 +38,22 @@ def palette(colours: ArrayLike, mix: float = 0.5) -> Shape:
 
 
 def palette_of(picture: Image.Image, side: int = 4, mix: float = 0.5) -> Shape:
-    """Make the palette of a picture: the mean colours of its ``side`` × ``side`` parts."""
-    if isinstance(side, bool) or not 1 <= side <= 16:
-        raise ShapeError(f"side = {side}", "a whole number, 1 to 16", "choose another side")
+    """Make the palette of a ``picture``: the mean colours of its ``side`` × ``side`` parts."""
+    check_range("side", side, 1, 16)
     small = picture.convert("RGB").resize((side, side), Image.Resampling.BOX)
     cells = np.asarray(small, np.float64) / 255
     return palette(cells[::-1].transpose(1, 0, 2), mix)
 
 
 def coloured_as(shape: Shape, other: Shape) -> Shape:
-    """Give a shape the colours of the shape ``other``, map by map in their order. Raises
-    `ShapeError` if ``other`` has no colours, or a different number of maps."""
+    """Give each map of a ``shape`` the colour of the map with the same number in the shape
+    ``other``. Raises `ShapeError` if the shape ``other`` has no colours, or a different number of
+    maps."""
     if other.colours is None:
         raise ShapeError(
-            "the shape has no colours",
-            "a shape with colours",
-            "give the shape colours with colours=",
+            "the shape to take colours from has no colours",
+            "a shape that was made with colours",
+            "make that shape with the parameter colours=",
         )
     return replace(shape, colours=other.colours, mix=other.mix)
 
@@ -64,20 +65,24 @@ def stolen(
     side: int = 512,
     most: int = MOST_PIECES,
 ) -> Image.Image:
-    """Draw a shape in the colours of a picture. The shape ``source`` lies on the picture. Each
-    point takes the colour at the place with the same address in ``source``. The picture's width and
-    height are 1, x to the right, y upwards. Where pieces overlap, the greatest address counts.
+    """Draw a ``shape`` with colours that another shape takes from a ``picture``.
 
-    Raises `ShapeError` for shapes of space, too many pieces, and if the two shapes differ in their
-    number of maps.
+    The shape ``source`` lies on the picture, which is 1 wide and 1 high, x to the right, y upwards.
+    Each point of ``shape`` takes the colour at the point of ``source`` with the same address. An
+    address is the word of maps that leads to a point. If pieces overlap, the greatest address
+    determines the colour.
+
+    Raises `ShapeError` for shapes of space, for too many pieces, or if the two shapes have
+    different numbers of maps.
     """
     if shape.size != 2 or source.size != 2:
-        raise ShapeError("a shape lies in space", "two shapes of the plane", "choose another shape")
+        found = "one of the two shapes is not two-dimensional"
+        raise ShapeError(found, "two two-dimensional shapes", "choose two such shapes")
     if len(shape) != len(source):
         raise ShapeError(
-            f"the source has {len(source)} maps, but the shape {len(shape)}",
-            "the same number of maps",
-            "choose another source",
+            f"the source has {len(source)} affine maps, but the shape has {len(shape)}",
+            "two shapes with the same number of affine maps",
+            f"choose a source with {len(shape)} affine maps",
         )
     if not shape.language.lasts:
         raise finite_language_error()

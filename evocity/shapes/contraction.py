@@ -1,10 +1,11 @@
 """Contraction of affine maps: bounds of their joint spectral radius."""
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
-from evocity.shapes.languages import Language
+from evocity.shapes.languages import Language, ShapeError
 from evocity.shapes.linear import norms, radii
 
 #: The most products of one length.
@@ -13,9 +14,13 @@ MOST_PRODUCTS = 4096
 
 @dataclass(frozen=True)
 class Contraction:
-    """Bounds of the joint spectral radius of maps, from products of some length. The radius lies
-    between ``lower`` and ``upper``. Below 1 long products contract to points; at 1 or more they
-    need not. The ``word`` names the product whose spectral radius gives ``lower``."""
+    """Bounds of the joint spectral radius of maps, computed from products of several maps;
+    ``length`` is the number of maps in a product.
+
+    The joint spectral radius lies between ``lower`` and ``upper``. If the joint spectral radius is
+    below 1, long products of maps contract to points. The attribute ``word`` lists the maps of the
+    product that gives the bound ``lower``.
+    """
 
     lower: float
     upper: float
@@ -24,12 +29,12 @@ class Contraction:
 
     @property
     def proved(self) -> bool:
-        """Whether all long products contract."""
+        """Whether all long products of the maps contract."""
         return self.upper < 1
 
     @property
     def refuted(self) -> bool:
-        """Whether some products never contract."""
+        """Whether some products of the maps never contract."""
         return self.lower >= 1
 
 
@@ -69,3 +74,22 @@ def contraction_of(maps: np.ndarray, language: Language) -> Contraction:
                 word = tuple(words[round_trips[best]].tolist())
         if upper < 1 or lower >= 1 or length == 64:
             return Contraction(lower, upper, length, word)
+
+
+def check_contraction(bounds: Contraction) -> None:
+    """Raise `ShapeError`, which names them, for maps that do not contract; warn if it is
+    unknown."""
+    if bounds.refuted:
+        named, count = " ".join(map(str, bounds.word)), len(bounds.word)
+        which = f"map {named}" if count == 1 else f"the product of maps {named}"
+        raise ShapeError(
+            f"{which} does not contract: its spectral radius is {bounds.lower**count:.4g}",
+            "affine maps with a spectral radius below 1, so that their products contract",
+            "shrink these maps, or exclude this product from the language of the shape",
+        )
+    if not bounds.proved:
+        warnings.warn(
+            f"maps that may not contract: their joint spectral radius lies between "
+            f"{bounds.lower:.4g} and {bounds.upper:.4g}",
+            stacklevel=4,
+        )

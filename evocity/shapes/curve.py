@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from evocity.errors import setting
-from evocity.shapes.checks import MOST_MAPS, check_contraction
-from evocity.shapes.contraction import Contraction, contraction_of
+from evocity.shapes.checks import MOST_MAPS, array_like
+from evocity.shapes.contraction import Contraction, check_contraction, contraction_of
 from evocity.shapes.languages import Language, ShapeError
 from evocity.shapes.linear import fixed_vector
 
@@ -24,21 +24,22 @@ _SLACK = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """The curve of some control points. Each of the ``maps`` makes the control points of one part
-    of the curve.
+    """A curve of few control points, made of parts that are small copies of the whole curve.
 
     Parameters
     ----------
     points : the control points, float ``(n, d)`` with n = 2…64, in the plane or in space.
-    maps : float ``(N, n, n)``, N ≥ 2, with columns that sum to 1. If the control points are the
-        columns of P, part i has the control points P T_i.
+    maps : one matrix for each part of the curve, float ``(N, n, n)``, N ≥ 2, whose columns each sum
+        to 1. If the columns of P are the control points of the curve, the control points of part i
+        are P T_i, with T_i the map of the part.
 
     Raises
     ------
-    ShapeError : if points or maps are invalid, a column does not sum to 1, or maps do not contract.
+    ShapeError : one of: invalid points; invalid maps; a column of a map that does not sum to 1;
+        maps that do not contract.
 
-    Source: the paper, definitions 5 to 8. Its definitions let rows sum to 1; its text and drawing
-    need columns.
+    Source: Hnaidi, Guérin, Akkouche, definitions 5 to 8. Definitions 5 to 8 let the rows of a map
+    sum to 1, but the text and the drawing of the paper need columns that sum to 1.
     """
 
     points: np.ndarray
@@ -46,27 +47,24 @@ class Curve:
     contraction: Contraction = field(init=False)
 
     def __post_init__(self):
-        points, maps = _points_of(self.points), np.array(self.maps, np.float64)
+        points = _points_of(self.points)
         count = len(points)
-        if maps.ndim != 3 or maps.shape[1:] != (count, count) or not 2 <= len(maps) <= MOST_MAPS:
-            raise ShapeError(
-                f"maps of shape {maps.shape} do not fit {count} control points",
-                f"(N, {count}, {count}), N = 2…{MOST_MAPS}",
-                "give a matrix for each part",
-            )
-        if not np.isfinite(maps).all():
-            raise ShapeError("some maps are not finite", "finite numbers", "correct the maps")
+        maps = array_like(
+            self.maps,
+            f"maps for {count} control points",
+            f"(N, {count}, {count}), N = 2…{MOST_MAPS}",
+            lambda shape: shape[1:] == (count, count) and 2 <= shape[0] <= MOST_MAPS,
+        )
         off = np.abs(maps.sum(axis=1) - 1).max(axis=1)
         if off.max() > _SLACK:
             at = int(off.argmax())
             raise ShapeError(
-                f"a column of map {at} sums to {1 + off[at]:.6g} or {1 - off[at]:.6g}",
-                "columns that sum to 1",
-                "divide each column by its sum",
+                f"a column of affine map {at} sums to {1 + off[at]:.6g} or {1 - off[at]:.6g}",
+                "affine maps whose columns each sum to 1",
+                f"divide each column of map {at} by its sum",
             )
-        for name, value in (("points", points), ("maps", maps)):
-            value.setflags(write=False)
-            object.__setattr__(self, name, value)
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "maps", maps)
         bounds = curve_contraction(maps)
         check_contraction(bounds)
         object.__setattr__(self, "contraction", bounds)
@@ -75,12 +73,10 @@ class Curve:
         """Number of parts."""
         return len(self.maps)
 
-    # -- constructors --------------------------------------------------------------------------
-
     @classmethod
     def bezier(cls, points: ArrayLike) -> "Curve":
-        """Make the Bézier curve of n ``points``, of degree n − 1, with the maps of de Casteljau's
-        halving."""
+        """Make the Bézier curve of degree n − 1 with n control ``points``. De Casteljau's algorithm
+        gives the maps of the curve's two halves."""
         points = np.asarray(points, float)
         count = len(points)
         first = np.array([[comb(j, i) / 2**j for j in range(count)] for i in range(count)])
@@ -88,8 +84,8 @@ class Curve:
 
     @classmethod
     def b_spline(cls, points: ArrayLike) -> "Curve":
-        """Make the piece of the uniform B-spline of n points, of degree n − 1. Source: Lane &
-        Riesenfeld 1980."""
+        """Make a piece of the uniform B-spline of degree n − 1 from n control ``points``. Source:
+        Lane & Riesenfeld 1980."""
         points = np.asarray(points, float)
         degree = len(points) - 1
         mask = [comb(degree + 1, k) / 2**degree for k in range(degree + 2)]
@@ -102,12 +98,14 @@ class Curve:
 
     @classmethod
     def four_point(cls, points: ArrayLike) -> "Curve":
-        """Make the curve of the four-point scheme between the third and the fourth of six points.
-        Source: Dyn, Levin & Gregory 1987."""
+        """Make the curve between the third and the fourth of six ``points``, by the four-point
+        scheme of subdivision. Source: Dyn, Levin & Gregory 1987."""
         points = np.asarray(points, float)
         if len(points) != 6:
             raise ShapeError(
-                f"{len(points)} points are given", "six points", "give the points on both sides too"
+                f"the four-point scheme received {len(points)} points",
+                "six points",
+                "give two points before the start of the curve, and two points after its end",
             )
         weights = np.array([-1, 9, 9, -1]) / 16
         finer = np.zeros((6, 7))  # points 1 to 4 and the points between them
@@ -117,19 +115,16 @@ class Curve:
             finer[k : k + 4, 2 * k + 1] = weights
         return cls(points, np.stack([finer[:, :6], finer[:, 1:]]))
 
-    # -- properties and points
-    # --------------------------------------------------------------------------
-
     @property
     def ends(self) -> np.ndarray:
-        """Weights ``(2, n)`` of the control points at the beginning and the end of the curve. They
-        are the fixed points of the first and of the last map."""
+        """Weights ``(2, n)`` of the control points at the beginning and at the end of the curve.
+        The weights are the fixed points of the first map and of the last map."""
         return np.stack([fixed_vector(self.maps[0]), fixed_vector(self.maps[-1])])
 
     @property
     def gap(self) -> float:
-        """The greatest distance between the end of one part and the start of the next, in units of
-        the points. The gap is 0 if all parts join."""
+        """The greatest distance between the end of a part and the start of the next part, in the
+        units of the points. The gap is 0 if all parts join."""
         first, last = self.ends
         ends = np.einsum("kij,j->ki", self.maps[:-1], last)
         begins = np.einsum("kij,j->ki", self.maps[1:], first)
@@ -137,14 +132,15 @@ class Curve:
         return float(np.sqrt((apart**2).sum(axis=1)).max(initial=0.0))
 
     def polygons(self, depth: int) -> np.ndarray:
-        """Compute the control points of all parts at a ``depth``, in the order of the parts, float
-        ``(N**depth, n, d)``. Raises `ShapeError` for more than ten million points."""
+        """Compute the control points of all parts, after dividing the curve ``depth`` times. The
+        result is float ``(N^depth, n, d)``, in the order of the parts. Raises `ShapeError` for
+        more than ten million points."""
         count = len(self) ** depth if 0 <= depth <= 64 else 0
         if isinstance(depth, bool) or not count or count * len(self.points) > MOST_POINTS:
             raise ShapeError(
                 setting("depth", depth),
-                f"parts of at most {MOST_POINTS} points",
-                "lower it",
+                f"a depth whose parts have at most {MOST_POINTS} points together",
+                "choose a smaller depth",
             )
         polygons = self.points[None]
         for _ in range(depth):
@@ -153,38 +149,35 @@ class Curve:
         return polygons
 
     def line(self, depth: int) -> np.ndarray:
-        """Compute points on the curve at a ``depth``, float ``(N**depth + 1, d)``. They are the
-        start of each part, and the end of the last part. Raises `ShapeError` as `polygons`."""
+        """Compute points on the curve, after dividing it ``depth`` times, float
+        ``(N^depth + 1, d)``. The points are the start of each part and the end of the last part.
+        Raises `ShapeError` for more than ten million points."""
         polygons, (first, last) = self.polygons(depth), self.ends
         begins = np.einsum("knd,n->kd", polygons, first)
         return np.vstack([begins, np.einsum("nd,n->d", polygons[-1], last)])
 
     def moved(self, points: ArrayLike) -> "Curve":
-        """Return the same maps with other control points."""
+        """Return a curve with the same maps and the given control points."""
         points = _points_of(points)
         if len(points) != len(self.points):
             raise ShapeError(
-                f"{len(points)} control points are given",
-                f"{len(self.points)} points",
-                "give this number of points",
+                f"the curve received {len(points)} control points",
+                f"{len(self.points)} control points, because each affine map of the curve has "
+                f"{len(self.points)} rows",
+                f"give {len(self.points)} control points",
             )
         curve = copy(self)  # its maps are valid already
-        points.setflags(write=False)
         object.__setattr__(curve, "points", points)
         return curve
 
 
 def _points_of(given: ArrayLike) -> np.ndarray:
-    points = np.array(given, np.float64)
-    if points.ndim != 2 or not 2 <= len(points) <= MOST_CONTROLS or not points.shape[1]:
-        raise ShapeError(
-            f"the control points have the shape {points.shape}",
-            f"(n, 2) or (n, 3), n = 2…{MOST_CONTROLS}",
-            "give a row for each point",
-        )
-    if not np.isfinite(points).all():
-        raise ShapeError("some points are not finite", "finite numbers", "correct the points")
-    return points
+    return array_like(
+        given,
+        "control points",
+        f"(n, 2) or (n, 3), n = 2…{MOST_CONTROLS}",
+        lambda shape: len(shape) == 2 and 2 <= shape[0] <= MOST_CONTROLS and shape[1] > 0,
+    )
 
 
 def vector_parts(maps: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from evocity.errors import setting
-from evocity.shapes.checks import MOST_MAPS
+from evocity.shapes.checks import MOST_MAPS, check_range
 from evocity.shapes.curve import curve_contraction, vector_parts
 from evocity.shapes.detail import Detailed, check_depth, point_count
 from evocity.shapes.filters import banded, windows
@@ -41,23 +41,26 @@ def fit_curve(
 
     Parameters
     ----------
-    line : the line, ``(M, 2)``. It is resampled at equal steps unless a depth has the same number
-        of points.
-    points : number of control points n, 2…16; maps : number of parts N, 2…256.
+    line : points of the line, ``(M, 2)``. The line is resampled at equal steps, unless its number
+        of points fits a depth exactly.
+    points : number n of control points, 2…16.
+    maps : number N of parts, 2…64.
     depth : number of levels; by default the fewest levels that have at least as many points as the
         line.
-    drawn : number of finest levels that the maps draw without details, so that N**-drawn of the
-        numbers remain. None stands for all levels: a pure curve of n points.
-    starts : number of fits with different starting maps, of which the best is kept. The starting
-        maps are those of a Bézier curve, and random ones by ``rng`` about a straight line; rounds :
-        the most rounds of Levenberg–Marquardt for each start.
+    drawn : number of finest levels that the maps draw without details; the share ``1 / N^drawn`` of
+        the line's numbers remains. If ``drawn`` is None, the maps draw all levels without details;
+        the result is a curve of n control points.
+    starts : number of fits from different starting maps; the best fit is kept. The first start is a
+        Bézier curve. Each start after the first is a straight line with random changes.
+    rng : random generator for the starts; by default a generator with the seed 0.
+    rounds : largest number of rounds of Levenberg–Marquardt for each start.
 
-    Parts share their ends, and the ends of the line stay in place. The fit minimizes the sum of
-    squares between ``dropped(drawn)`` and the line. The Jacobian is exact except for a term that
-    vanishes with the residuals (Kaufman). Maps whose long products do not shrink cost as much as a
-    bad fit. Maps that provably do not contract are dropped.
+    Parts share their ends, and the ends of the line stay in place. The fit minimises the sum of
+    squared distances between the line and the result of ``dropped(drawn)``. The Jacobian is exact
+    except for a term that vanishes with the residuals (Kaufman). Maps whose long products do not
+    shrink cost as much as a bad fit. Maps that provably do not contract are dropped.
 
-    Raises `ShapeError` as `line_of` does, for numbers out of range, and if no start gives
+    Raises `ShapeError` if the line is invalid, if a number is out of range, or if no start gives
     contracting maps.
     """
     line = line_of(line)
@@ -68,7 +71,8 @@ def fit_curve(
     check_depth(points, maps, depth, True)
     drawn = depth if drawn is None else min(drawn, depth)
     if isinstance(drawn, bool) or drawn < 1:
-        raise ShapeError(setting("drawn", drawn), "1 or more, or None", "correct it")
+        found = setting("drawn", drawn)
+        raise ShapeError(found, "1 or more levels, or None for all levels", "choose another drawn")
     count = point_count(points, maps, depth, True)
     if len(line) != count:
         line = resampled(line, count)
@@ -94,16 +98,17 @@ def fit_curve(
     chosen = best or undecided
     if chosen is None:
         raise ShapeError(
-            f"{starts} starts found no contracting maps of {points} points",
-            "maps that contract",
-            f"increase {setting('starts', starts)}, or choose fewer points",
+            f"{starts} random starts of the fit gave no contracting affine maps for {points} "
+            "control points",
+            "at least one start whose fitted maps contract",
+            f"increase {setting('starts', starts)}, or choose fewer control points",
         )
     return Detailed.of(line, chosen[1], depth, shared=True)
 
 
 def rms_of(detailed: Detailed, levels: int) -> float:
-    """Compute the root mean square distance between a line and the same line without the details of
-    its finest ``levels``. The distance is in the units of the line."""
+    """Compute how far a line moves without the details of its finest ``levels``: the root mean
+    square distance of its points, in the units of the line."""
     off = detailed.dropped(levels).line() - detailed.line()
     return float(np.sqrt((off**2).sum(axis=1).mean()))
 
@@ -156,32 +161,26 @@ class _Model:
         self.step = size - 1
         self.rest = 2 * (len(self.line) - 2)
         # free columns: all but the ends of the whole; two maps share the column of a joint
-        columns, shared = parts * self.step - 1, (parts, size)
-        self.where = np.full(shared, -1)
-        for part in range(parts):
-            for j in range(size):
-                number = part * self.step + j - 1
-                if 0 <= number < columns:
-                    self.where[part, j] = number
+        columns = parts * self.step - 1
+        where = windows(parts, size, True) - 1
+        self.free = np.nonzero((where >= 0) & (where < columns))
+        self.where = where[self.free]
         self.unknown = columns * self.step
         # how each parameter changes the maps; the first entry of each column compensates
         self.basis = np.zeros((self.unknown, parts, size, size))
-        for part in range(parts):
-            for j in range(size):
-                if self.where[part, j] >= 0:
-                    for i in range(1, size):
-                        at = self.where[part, j] * self.step + i - 1
-                        self.basis[at, part, i, j] = 1.0
-                        self.basis[at, part, 0, j] = -1.0
+        part, j = self.free
+        for i in range(1, size):
+            at = self.where * self.step + i - 1
+            self.basis[at, part, i, j] = 1.0
+            self.basis[at, part, 0, j] = -1.0
         self.fixed = np.zeros((parts, size, size))
         self.fixed[:, 0, :] = 1.0
         self.fixed[0, :, 0] = np.eye(size)[0]
         self.fixed[-1, :, -1] = np.eye(size)[-1]
         self.cells = parts ** (self.depth - self.drawn)
         self.width = self.step * parts**self.drawn + 1
-        self.length = next(
-            k for k in range(64) if k and parts ** (k + 1) > _LOOKED_AT
-        )  # of the products that must be small
+        # of the products that must be small
+        self.length = next(k for k in range(1, 64) if parts ** (k + 1) > _LOOKED_AT)
         self.seen: tuple[bytes, tuple] | None = None
 
     def start(self, rng: np.random.Generator | None) -> np.ndarray:
@@ -190,18 +189,14 @@ class _Model:
         if rng is None:
             maps = bezier_maps(self.size, self.parts)
         else:
-            maps = self.fixed.copy()
             at = np.arange(self.size) / self.step
-            for part in range(self.parts):
-                for j in range(self.size):
-                    place = (part + at[j]) / self.parts * self.step
-                    maps[part, :, j] = np.maximum(0, 1 - np.abs(np.arange(self.size) - place))
-        numbers = np.zeros(self.unknown)
-        for part in range(self.parts):
-            for j in range(self.size):
-                if self.where[part, j] >= 0:
-                    at = self.where[part, j] * self.step
-                    numbers[at : at + self.step] = maps[part, 1:, j]
+            places = (np.arange(self.parts)[:, None] + at) / self.parts * self.step
+            gaps = np.arange(self.size)[None, :, None] - places[:, None, :]
+            maps = np.maximum(0, 1 - np.abs(gaps))
+        part, j = self.free
+        numbers = np.zeros((len(self.basis) // self.step, self.step))
+        numbers[self.where] = maps[part, 1:, j]
+        numbers = numbers.ravel()
         return numbers if rng is None else numbers + rng.normal(0, _SPREAD, self.unknown)
 
     def maps_of(self, numbers: np.ndarray) -> np.ndarray:
@@ -325,5 +320,4 @@ def _check(points: int, maps: int, starts: int, rounds: int) -> None:
         "rounds": (rounds, 1, 10000),
     }
     for name, (value, low, high) in ranges.items():
-        if isinstance(value, bool) or not low <= value <= high:
-            raise ShapeError(setting(name, value), f"{low}…{high}", "correct it")
+        check_range(name, value, low, high)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from evocity.errors import setting, spell
+from evocity.shapes.checks import array_like, check_range
 from evocity.shapes.curve import MOST_POINTS, Curve
 from evocity.shapes.filters import Filter, filters_of, interpolates, windows
 from evocity.shapes.languages import ShapeError
@@ -22,21 +23,23 @@ _TINY = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Detailed:
-    """A polyline of the plane as a `Curve` with details at each level.
+    """A polyline of the plane, stored as a `Curve` with details at each level of its division.
 
-    `Detailed.of` makes it from a line; `line` returns the line.
+    The method `Detailed.of` makes a `Detailed` from a line, and the method `Detailed.line`
+    returns the line.
 
-    curve : the control points and maps.
-    details : for each level l, complex ``(N**l, m)``, the coarsest level first. A detail is the
-        difference between a part of a polygon and the part that the maps make. Details are in the
-        polygon's frame, from its first point to its last, so that they turn, move and grow with the
-        polygon. If polygons share their ends, m = (n − 1)(N − 1), otherwise n (N − 1).
-    shared : whether parts share their ends. If so, the line has (n − 1) N**depth + 1 points.
-        Otherwise it has n N**depth, n in each polygon.
+    curve : the control points and maps of the curve.
+    details : the details of each level l, complex ``(N^l, m)``, the coarsest level first. A detail
+        is the difference between a part of a polygon and the same part as the maps compute it.
+        Details are relative to the vector from the polygon's first point to its last point. Details
+        therefore turn, move and grow with their polygon. If parts share their ends, a polygon has m
+        = (n − 1)(N − 1) details; otherwise a polygon has m = n (N − 1) details.
+    shared : whether parts share their ends. A line of parts with shared ends has
+        (n − 1) N^depth + 1 points; without shared ends, the line has n N^depth points.
 
-    Each polygon is the least-squares fit, over the points, to the line of its parts without finer
-    details. If parts share their ends, the ends of the whole line stay in place. Raises
-    `ShapeError` if the sizes of the arrays do not match.
+    Each polygon is a least-squares fit: without finer details, its line is as near as possible to
+    the points of the given line. If parts share their ends, the ends of the whole line stay in
+    place. Raises `ShapeError` if the sizes of the arrays do not match.
     """
 
     curve: Curve
@@ -48,10 +51,11 @@ class Detailed:
         points, parts = self.curve.points, len(self.curve)
         if points.shape[1] != 2:
             raise ShapeError(
-                "the curve lies in space", "a curve of the plane", "leave one coordinate out"
+                "the curve is not two-dimensional",
+                "a curve whose control points have two coordinates",
+                "remove the third coordinate of each control point",
             )
-        if self.shared and not interpolates(self.curve.maps):
-            raise _no_shared_ends()
+        _check_shared(self.curve.maps, self.shared)
         rows = (len(points) - int(self.shared)) * (parts - 1)
         check_depth(len(points), parts, len(self.details), self.shared)
         details = []
@@ -60,7 +64,7 @@ class Detailed:
             if own.shape != (parts**level, rows) or not np.isfinite(own).all():
                 raise ShapeError(
                     f"the details of level {level} have the shape {own.shape}, or are not finite",
-                    f"({parts**level}, {rows}) finite numbers",
+                    f"finite details of the shape ({parts**level}, {rows})",
                     "make the details with Detailed.of",
                 )
             own.setflags(write=False)
@@ -80,12 +84,12 @@ class Detailed:
         """Analyse a ``line`` ``(M, 2)`` into levels of details, by ``maps`` ``(N, n, n)`` as in
         `Curve`.
 
-        depth : number of levels. A line with any other number of points than the depth needs is
-            resampled at equal steps. None takes the depth that fits the line's own number of
-            points.
-        shared : whether parts share their ends. None: they share them if the maps allow it.
+        depth : number of levels, or None for the depth that fits the line's number of points. If
+            the number of points does not fit a given depth, the line is resampled at equal steps.
+        shared : whether parts share their ends; None means shared ends if the maps allow them.
 
-        Raises `ShapeError` as `line_of` and `Curve` do, and if no depth fits the number of points.
+        Raises `ShapeError` if the line or the maps are invalid, or if no depth fits the number of
+        points.
         """
         line, maps = line_of(line), np.array(maps, np.float64)
         if maps.ndim == 3 and len(maps) > 1 and maps.shape[1] > 1:
@@ -101,21 +105,15 @@ class Detailed:
 
     @classmethod
     def analysed(cls, points: ArrayLike, maps: ArrayLike, shared: bool, depth: int) -> "Detailed":
-        """Analyse a line as `of` does, if its ``points`` ``(M, 2)`` already have the number that
-        the depth needs. Points may coincide."""
-        at, maps = np.array(points, np.float64), np.array(maps, np.float64)
+        """Analyse a line whose number of ``points`` ``(M, 2)`` suits the ``depth`` exactly. Unlike
+        in the method `Detailed.of`, points may coincide."""
+        maps = np.array(maps, np.float64)
         curve = Curve(np.zeros((maps.shape[-1] if maps.ndim else 0, 2)), maps)
         parts, size = maps.shape[:2]
-        if shared and not interpolates(maps):
-            raise _no_shared_ends()
+        _check_shared(maps, shared)
         check_depth(size, parts, depth, shared)
         count = point_count(size, parts, depth, shared)
-        if at.shape != (count, 2) or not np.isfinite(at).all():
-            raise ShapeError(
-                f"the points have the shape {at.shape}, or are not finite",
-                f"({count}, 2) finite numbers",
-                "give this number of points",
-            )
+        at = array_like(points, "points", f"({count}, 2)", lambda shape: shape == (count, 2))
         at = at[:, 0] + 1j * at[:, 1]
         levels = filters_of(maps, depth, shared)
         polygons, details = [], []
@@ -139,8 +137,8 @@ class Detailed:
     def drawn(
         cls, points: ArrayLike, maps: ArrayLike, shared: bool, kept: int, depth: int
     ) -> "Detailed":
-        """Make a line from the ``points`` of all polygons at level ``kept``. Below this level, down
-        to ``depth``, the maps draw without details."""
+        """Make a line from the ``points`` of all polygons at level ``kept``. Below the level
+        ``kept``, down to the level ``depth``, the maps draw the line without details."""
         maps = np.array(maps, np.float64)
         check_depth(maps.shape[1], len(maps), depth, shared)
         coarse = cls.analysed(points, maps, shared, kept)  # raises for invalid points
@@ -151,9 +149,6 @@ class Detailed:
             at = np.stack([_sequence(axis, shared) for axis in parts])
         return cls.analysed(at.T, maps, shared, depth).dropped(depth - kept)
 
-    # -- properties and points
-    # --------------------------------------------------------------------------
-
     @property
     def depth(self) -> int:
         """Number of levels of details."""
@@ -161,21 +156,20 @@ class Detailed:
 
     @property
     def kept(self) -> int:
-        """Number of the coarsest levels with details; the finer levels have none, since they are
-        dropped."""
+        """Number of the coarsest levels that keep their details; all finer levels have no
+        details."""
         with_some = [level for level, own in enumerate(self.details) if own.any()]
         return with_some[-1] + 1 if with_some else 0
 
     @property
     def amounts(self) -> np.ndarray:
-        """Amount of detail at each level, float ``(depth,)``. It is the root mean square of the
-        level's details, as shares of the chords of their polygons."""
+        """Amount of detail at each level, float ``(depth,)``: the root mean square of the level's
+        details, each relative to the chord of its polygon."""
         return np.array([np.sqrt((np.abs(own) ** 2).mean()) for own in self.details])
 
     def points(self, level: int) -> np.ndarray:
         """Compute the control points of all polygons at a ``level`` (0…depth), float ``(M, 2)``."""
-        if isinstance(level, bool) or not 0 <= level <= self.depth:
-            raise ShapeError(setting("level", level), f"0…{self.depth}", "choose another")
+        check_range("level", level, 0, self.depth)
         parts, size = len(self.curve), len(self.curve.points)
         at, frames = self.curve.points[:, 0] + 1j * self.curve.points[:, 1], None
         for number in range(level):
@@ -192,27 +186,31 @@ class Detailed:
         """Compute the line, float ``(M, 2)``: the points of the finest level."""
         return self.points(self.depth)
 
-    # -- changes ------------------------------------------------------------------
-
     def dropped(self, levels: int) -> "Detailed":
-        """Drop the details of the finest ``levels``. Then a share of N**-levels of the numbers
-        remains.
+        """Drop the details of the finest ``levels``; the share ``1 / N^levels`` of the line's
+        numbers remains, with N the number of maps.
 
-        The result is the least-squares fit, over the points, among all lines that the maps make
-        from the remaining polygons. If parts share their ends, the ends of the line stay in place.
+        Among all lines that the maps make from the remaining polygons, the result is the
+        least-squares fit to the points of this line. If parts share their ends, the ends of the
+        line stay in place.
         """
-        self._check_levels(levels)
+        check_range("levels", levels, 0, self.depth)
         keep = self.depth - levels
-        return replace(self, details=self.details[:keep] + tuple(
-            np.zeros_like(own) for own in self.details[keep:]
-        ))  # fmt: skip
+        nothing = tuple(np.zeros_like(own) for own in self.details[keep:])
+        return replace(self, details=self.details[:keep] + nothing)
 
     def amplified(self, gain: float, levels: Iterable[int] | None = None) -> "Detailed":
-        """Multiply the details of ``levels`` by ``gain``; 0 is the coarsest level, and all levels
-        are the default. Warns, with the place, if the line then crosses itself."""
-        if not np.isfinite(gain):
-            raise ShapeError(setting("gain", gain), "a finite number", "correct it")
-        chosen = self._check_chosen_levels(levels)
+        """Multiply the details of ``levels`` by ``gain``. Level 0 is the coarsest level; by default
+        the details of all levels change. If the changed line crosses itself, the method warns and
+        names the place."""
+        _check_gain(gain)
+        chosen = set(range(self.depth)) if levels is None else set(levels)
+        if not all(isinstance(level, int) and 0 <= level < self.depth for level in chosen):
+            raise ShapeError(
+                f"the curve lacks some of the levels {spell(sorted(chosen))}",
+                f"levels from 0 to {self.depth - 1}",
+                "choose levels of this curve",
+            )
         details = tuple(
             own * gain if level in chosen else own for level, own in enumerate(self.details)
         )
@@ -221,25 +219,26 @@ class Detailed:
     def transferred(
         self, other: "Detailed", levels: int | None = None, gain: float = 1.0
     ) -> "Detailed":
-        """Replace details of this line by the details of the line ``other``, multiplied by
-        ``gain``. The number ``levels`` counts the finest levels to replace; by default all but the
-        coarsest. Details move from the frames of the other polygons to the frames of this line's
-        polygons. So the other line's place and size do not matter.
+        """Replace details of this line by the details of another line, multiplied by ``gain``.
 
-        The other line must have the same maps and depth; `recoded` makes such a line. Otherwise the
-        method raises `ShapeError`. Warns if the line then crosses itself.
+        levels : number of the finest levels to replace; by default all levels but the coarsest.
+        gain : factor that multiplies the new details.
+
+        Details are relative to their polygons, so the place and the size of the other line do not
+        matter. Raises `ShapeError` unless both lines have the same maps and depth; the method
+        `recoded` makes a line with the maps and the depth of another line. If the changed line
+        crosses itself, the method warns.
         """
         levels = max(self.depth - 1, 0) if levels is None else levels
-        self._check_levels(levels)
-        if not np.isfinite(gain):
-            raise ShapeError(setting("gain", gain), "a finite number", "correct it")
+        check_range("levels", levels, 0, self.depth)
+        _check_gain(gain)
         if (self.depth, self.shared) != (other.depth, other.shared) or not np.array_equal(
             self.curve.maps, other.curve.maps
         ):
             raise ShapeError(
-                "the other line has other maps, or another depth",
-                "a line with the same maps and depth",
-                "analyse the other line by these maps: other.recoded(this)",
+                "the two lines have different affine maps or different depths",
+                "two lines with the same affine maps and the same depth",
+                "analyse the other line with the affine maps of this line: other.recoded(this)",
             )
         keep = self.depth - levels
         details = self.details[:keep] + tuple(gain * own for own in other.details[keep:])
@@ -248,32 +247,16 @@ class Detailed:
         )
 
     def recoded(self, like: "Detailed") -> "Detailed":
-        """Analyse this line by the maps of the line ``like``, to the depth of ``like``."""
+        """Analyse this line by the maps and the depth of the line ``like``."""
         return Detailed.of(self.line(), like.curve.maps, like.depth, like.shared)
 
     def moved(self, points: ArrayLike) -> "Detailed":
-        """Keep the details, and put them on other control ``points`` ``(n, 2)``."""
+        """Return a copy with the new control points ``(n, 2)`` and the same details."""
         return replace(self, curve=self.curve.moved(points))
 
     def _warn_crossing(self, changed: "Detailed", name: str) -> "Detailed":
         warn_crossing(_without_repeats(changed.line()), name)
         return changed
-
-    def _check_levels(self, levels: int) -> None:
-        if isinstance(levels, bool) or not 0 <= levels <= self.depth:
-            raise ShapeError(
-                setting("levels", levels), f"0…{self.depth}, the number of levels", "choose fewer"
-            )
-
-    def _check_chosen_levels(self, levels: Iterable[int] | None) -> set[int]:
-        chosen = set(range(self.depth)) if levels is None else set(levels)
-        if not all(isinstance(level, int) and 0 <= level < self.depth for level in chosen):
-            raise ShapeError(
-                f"levels {spell(sorted(chosen))} do not all exist",
-                f"levels from 0 to {self.depth - 1}",
-                "choose other levels",
-            )
-        return chosen
 
 
 def point_count(size: int, parts: int, depth: int, shared: bool) -> int:
@@ -290,8 +273,8 @@ def check_depth(size: int, parts: int, depth: int, shared: bool) -> None:
     ):
         raise ShapeError(
             setting("depth", depth),
-            f"levels of a line of at most {MOST_POINTS // 10} points",
-            "lower it",
+            f"a number of levels with at most {MOST_POINTS // 10} points",
+            "choose a smaller depth",
         )
 
 
@@ -304,10 +287,10 @@ def _depth_for(count: int, parts: int, size: int, shared: bool) -> int:
             break
     near = point_count(size, parts, depth, shared)
     raise ShapeError(
-        f"a line of {count} points fits no depth",
-        f"{'(n - 1) N^depth + 1' if shared else 'n N^depth'} points, n = {size}, N = {parts}: "
-        f"for example {near}",
-        f"resample the line by {setting('depth', depth)}",
+        f"no depth gives a line of {count} points",
+        f"{'(n - 1) N^depth + 1' if shared else 'n N^depth'} points for n = {size} control points "
+        f"and N = {parts} affine maps, for example {near}",
+        f"resample the line: choose {setting('depth', depth)}",
     )
 
 
@@ -337,9 +320,15 @@ def _without_repeats(line: np.ndarray) -> np.ndarray:
     return line[moved] if moved.sum() > 1 else line + np.arange(len(line))[:, None]
 
 
-def _no_shared_ends() -> ShapeError:
-    return ShapeError(
-        "the parts do not share their ends",
-        "maps that keep the first and the last point, and begin where the previous map ends",
-        "leave shared= out",
-    )
+def _check_shared(maps: np.ndarray, shared: bool) -> None:
+    if shared and not interpolates(maps):
+        raise ShapeError(
+            "neighbouring parts of the curve do not meet",
+            "affine maps whose parts meet: each part begins where the part before it ends",
+            "leave the parameter shared= out",
+        )
+
+
+def _check_gain(gain: float) -> None:
+    if not np.isfinite(gain):
+        raise ShapeError(setting("gain", gain), "a finite number", "choose a finite gain")

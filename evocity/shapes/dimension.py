@@ -26,19 +26,22 @@ def ratios_of(shape: Shape) -> np.ndarray:
     wrong = np.flatnonzero(off > SIMILAR * np.maximum(ratios**2, 1e-300))
     if len(wrong):
         raise ShapeError(
-            f"map {wrong[0]} does not shrink equally in all directions",
-            "maps that are similarities, since only their dimension is known",
-            "count boxes instead, with boxes_of",
+            f"the affine map {wrong[0]} does not shrink equally in all directions",
+            "affine maps that are similarities, because the formula needs similarities",
+            "count boxes instead: box_dimension(shape)",
         )
     return ratios
 
 
 def dimension_of(shape: Shape) -> float:
-    """Compute the similarity dimension s. At s, the automaton's matrix of the sums of rˢ has a
-    spectral radius of 1. If all words act, Σ rˢ = 1. It equals the attractor's own dimension if
-    pieces do not overlap (the open set condition). A shape of single points has the dimension 0.
+    """Compute the similarity dimension s of a ``shape``.
 
-    Raises `ShapeError` if a map is not a similarity, and if the language has finitely many words.
+    For a shape with all words, Σ rˢ = 1 over the ratios r of its maps. For a restricted language,
+    the automaton's matrix of the sums of rˢ has a spectral radius of 1. The similarity dimension
+    equals the dimension of the attractor if pieces do not overlap (the open set condition). A shape
+    of single points has the dimension 0.
+
+    Raises `ShapeError` if a map is not a similarity, or if the language has finitely many words.
 
     Source: Moran 1946; Mauldin & Williams 1988.
     """
@@ -66,8 +69,12 @@ def dimension_of(shape: Shape) -> float:
 
 @dataclass(frozen=True)
 class Boxes:
-    """Box counts of a mask: ``counts`` is the number of boxes with ``sides`` px that the mask
-    fills. The ``dimension`` is the slope of the logarithms of these counts."""
+    """Box counts of a mask.
+
+    dimension : the box dimension, from the slope of the logarithms of ``counts`` against ``sides``.
+    sides : the sides of the boxes, px.
+    counts : the number of boxes of each side that contain a filled cell.
+    """
 
     dimension: float
     sides: tuple[int, ...]
@@ -75,9 +82,11 @@ class Boxes:
 
 
 def boxes_of(mask: np.ndarray, base: int = 2) -> Boxes:
-    """Compute the box dimension of a mask, bool with 2 or 3 axes. The boxes have sides of ``base``ʲ
-    px, from four px or ``base`` to a quarter of the shortest axis. Each count is the least over
-    offsets of the grid. The dimension is the slope of the logarithms of these counts.
+    """Compute the box dimension of a ``mask``, bool with 2 or 3 axes.
+
+    The sides of boxes are powers of ``base``, px. The side of the largest box is at most a quarter
+    of the mask's shortest axis. Each count is the least count among several offsets of the grid of
+    boxes.
 
     Raises `ShapeError` if the mask is empty, or too small for three sizes of boxes.
     """
@@ -89,11 +98,11 @@ def boxes_of(mask: np.ndarray, base: int = 2) -> Boxes:
         side *= base
     if not mask.any() or len(sides) < 3:
         raise ShapeError(
-            f"a mask of {' × '.join(map(str, mask.shape))} with {np.count_nonzero(mask)} cells is "
-            "too small",
-            f"a mask with cells, and at least {4 * base ** (4 if base == 2 else 3)} along each "
-            "axis",
-            "draw the mask larger",
+            f"a mask of {' × '.join(map(str, mask.shape))} cells, {np.count_nonzero(mask)} of them "
+            "filled, is too small",
+            f"a mask with filled cells, at least {4 * base ** (4 if base == 2 else 3)} cells long "
+            "on each axis",
+            "draw a mask with more cells",
         )
     parts = 4 if base == 2 else base  # of a box; offsets of the grid are multiples of a part
     fine, counts, side = mask, [], 1
@@ -101,15 +110,14 @@ def boxes_of(mask: np.ndarray, base: int = 2) -> Boxes:
         fine, side = _blocks(fine, wide // parts // side, 0), wide // parts
         grids = np.ndindex(*[parts] * mask.ndim)
         counts.append(min(int(_blocks(fine, parts, *at).sum()) for at in grids))
-    slope = (
-        np.polynomial.polynomial.Polynomial.fit(np.log(sides), np.log(counts), 1).convert().coef[1]
-    )
+    slope = np.polynomial.Polynomial.fit(np.log(sides), np.log(counts), 1).convert().coef[1]
     return Boxes(float(-slope), tuple(sides), tuple(counts))
 
 
 def box_dimension(shape: Shape, side: int | None = None) -> Boxes:
-    """Compute the box dimension of a shape, from a mask of at most ``side`` px (4096, in space
-    256). If all maps shrink by the same whole number, boxes grow by this number, otherwise by 2."""
+    """Compute the box dimension of a ``shape`` from a mask of at most ``side`` px along each axis.
+    The default side is 4096 px in the plane and 256 px in space. The sides of boxes are powers of
+    2, or of the whole number by which all maps shrink."""
     base = _base_of(shape)
     most = side or (4096 if shape.size == 2 else 256)
     whole = base
@@ -119,9 +127,9 @@ def box_dimension(shape: Shape, side: int | None = None) -> Boxes:
 
 
 def line_dimension(line: ArrayLike, side: int = 1024) -> Boxes:
-    """Compute the box dimension of a line ``(n, 2)`` in a raster of ``side`` px. The dimension
-    measures the line's roughness at the scales of its points; a smooth line has 1. Raises
-    `ShapeError` as `line_of`."""
+    """Compute the box dimension of a ``line`` ``(n, 2)`` in a raster of ``side`` × ``side`` px. The
+    dimension measures how rough the line is; a smooth line has the dimension 1. Raises `ShapeError`
+    if the line is not a polyline of the plane."""
     return boxes_of(line_mask(line, side))
 
 

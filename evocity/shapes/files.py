@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from evocity.columns import array_of
-from evocity.errors import reason_of, spell
+from evocity.errors import is_whole, reason_of, spell
 from evocity.files import whole_file
+from evocity.sealed_parquet import ChangedFileError, open_table, write_table
 from evocity.shapes.curve import Curve
 from evocity.shapes.detail import Detailed
 from evocity.shapes.languages import Language, ShapeError
@@ -27,9 +27,13 @@ _VERSION = 1
 
 @dataclass(frozen=True, eq=False)
 class StoredCurve:
-    """A curve, with the other content of its file. Field ``crs`` is its reference system: a code, a
-    PROJ string, or None without a place on Earth. Field ``attribution`` is the line that its
-    licence requires."""
+    """A curve as read from a file, with its reference system and its attribution.
+
+    detailed : the curve with its details.
+    crs : reference system of the curve's points, as a code or a PROJ string; None for a curve
+        without a place on Earth.
+    attribution : credit line that the licence of the curve's source requires.
+    """
 
     detailed: Detailed
     crs: str | None = None
@@ -37,12 +41,13 @@ class StoredCurve:
 
 
 def write_shape(shape: Shape, path: str | os.PathLike) -> None:
-    """Write a shape, as Parquet if the name ends in ``.parquet``, otherwise as JSON. If writing
+    """Write a ``shape`` to a file: Parquet if the name ends in ``.parquet``, else JSON. If writing
     fails, no partial file remains.
 
-    Keys: ``evocity`` ("shape"), ``version``, ``maps``, ``primitive`` (a name, or points, lines,
-    faces; null for the box of the attractor), ``language`` (table, accepting; null for all words),
-    ``colours`` (null for none), ``mix``.
+    The keys of the file are ``evocity`` ("shape"), ``version``, ``maps``, ``primitive``,
+    ``language``, ``colours`` and ``mix``. The key ``primitive`` holds a name, or points, lines and
+    faces; null means the box of the attractor. The key ``language`` holds a table and its accepting
+    states; null means all words.
     """
     primitive = shape.primitive
     written: object = None
@@ -70,9 +75,10 @@ def write_shape(shape: Shape, path: str | os.PathLike) -> None:
 
 
 def read_shape(path: str | os.PathLike) -> Shape:
-    """Read a shape from a file that `write_shape` wrote, or that has the same keys.
+    """Read a shape from a file with the keys that `write_shape` writes.
 
-    Raises `ShapeError`, which names the wrong key, for other files.
+    Raises `ShapeError` for a file without the keys of `write_shape`; the message names the wrong
+    key.
     """
     return _read(path, "shape", _shape_of)
 
@@ -80,11 +86,12 @@ def read_shape(path: str | os.PathLike) -> Shape:
 def write_curve(
     detailed: Detailed, path: str | os.PathLike, crs: str | None = None, attribution: str = ""
 ) -> None:
-    """Write a curve with its details, as Parquet if the name ends in .parquet, else as JSON.
+    """Write a curve with its details to a file: Parquet if the name ends in .parquet, else JSON.
 
-    Keys: ``evocity`` ("curve"), ``version``, ``maps``, ``shared``, ``depth``, ``kept``, ``points``,
-    ``crs``, ``attribution``. The key ``points`` holds the points of all polygons at level ``kept``;
-    finer levels have no details. A curve without its k finest levels takes N**-k of the room.
+    The keys of the file are ``evocity`` ("curve"), ``version``, ``maps``, ``shared``, ``depth``,
+    ``kept``, ``points``, ``crs`` and ``attribution``. The key ``points`` holds the points of all
+    polygons at the level ``kept``, because levels finer than ``kept`` have no details. A curve file
+    is smaller by the factor ``1 / N^k`` if the k finest levels of the curve have no details.
     """
     write_document(
         {
@@ -103,8 +110,8 @@ def write_curve(
 
 
 def read_curve(path: str | os.PathLike) -> StoredCurve:
-    """Read a curve from a file that `write_curve` wrote, or that has the same keys. Raises
-    `ShapeError` for other files."""
+    """Read a curve from a file with the keys that `write_curve` writes. Raises `ShapeError` for a
+    file without the keys of `write_curve`."""
     return _read(path, "curve", _curve_of)
 
 
@@ -112,15 +119,15 @@ def _read(path: str | os.PathLike, kind: str, made):
     document = read_document(path)
     if document.get("evocity") != kind:
         raise ShapeError(
-            f"{path} is not a {kind}",
-            f'the entry "evocity": "{kind}"',
+            f"the document in {path} is not a {kind}",
+            f'a file with the entry "evocity": "{kind}"',
             f"write the file with write_{kind}",
         )
     if document.get("version") != _VERSION:
         raise ShapeError(
-            f"{path}: the file has version {spell(document.get('version'))}",
-            f"version {_VERSION}",
-            "update evocity",
+            f"{path} has the unknown file version {spell(document.get('version'))}",
+            f"a file of version {_VERSION}",
+            "update evocity, or write the file again",
         )
     try:
         return made(document)
@@ -129,25 +136,27 @@ def _read(path: str | os.PathLike, kind: str, made):
     except (TypeError, ValueError, OverflowError, KeyError, AttributeError):
         raise ShapeError(
             f"{path}: keys are missing, or values are not numbers",
-            f"lists of numbers, as write_{kind} writes them",
-            "correct the file",
+            f"the keys and lists of numbers that write_{kind} writes",
+            f"write the file again with write_{kind}",
         ) from None
 
 
 def _curve_of(document: dict) -> StoredCurve:
     maps, points = (np.array(document[name], np.float64) for name in ("maps", "points"))
     depth, kept, shared = (document[name] for name in ("depth", "kept", "shared"))
-    whole = all(isinstance(n, int) and not isinstance(n, bool) for n in (depth, kept))
     crs, attribution = document.get("crs"), document.get("attribution", "")
+    whole = is_whole(depth) and is_whole(kept)
     if not whole or not isinstance(shared, bool) or not 0 <= kept <= depth <= 64:
         raise ShapeError(
-            "invalid depth, kept or shared",
-            "whole numbers with kept ≤ depth; shared is true or false",
-            "correct these values",
+            "one of the keys 'depth', 'kept' and 'shared' has an invalid value",
+            "whole numbers with 'kept' ≤ 'depth' ≤ 64, and true or false for 'shared'",
+            "correct the values of 'depth', 'kept' and 'shared'",
         )
     if not isinstance(crs, str | None) or not isinstance(attribution, str):
         raise ShapeError(
-            "crs or attribution is not a text", "a text, or null", "correct this value"
+            "the value of the key 'crs' or 'attribution' is not a text",
+            "a text for 'attribution', and a text or null for 'crs'",
+            "correct the values of 'crs' and 'attribution'",
         )
     if maps.ndim != 3:
         Curve(np.zeros((2, 2)), maps)  # raises for their shape
@@ -163,7 +172,7 @@ def _shape_of(document: dict) -> Shape:
     elif primitive is not None and not isinstance(primitive, str):
         raise ShapeError(
             "the primitive is invalid",
-            "a name, or points, lines and faces",
+            "the name of a primitive, or its points, lines and faces",
             "correct the primitive",
         )
     language = document.get("language")
@@ -191,17 +200,14 @@ def write_document(document: dict, path: str | os.PathLike) -> None:
                 rest = _without_arrays(document, columns, "")
                 table = pa.table({name: [array.ravel()] for name, array in columns.items()})
                 about = {_ABOUT: json.dumps(rest, allow_nan=False)}
-                pq.write_table(
-                    table.replace_schema_metadata(about), temporary, compression="zstd",
-                    write_page_checksum=True,
-                )  # fmt: skip
+                write_table(table.replace_schema_metadata(about), temporary)
             else:
                 temporary.write_text(json.dumps(document, allow_nan=False) + "\n", encoding="utf-8")
     except OSError as error:
         raise ShapeError(
             f"{os.fspath(path)} cannot be written: {reason_of(error)}",
             "a file name in an existing folder",
-            "choose another name",
+            "choose another folder or file name",
         ) from None
 
 
@@ -213,24 +219,31 @@ def read_document(path: str | os.PathLike) -> dict:
         with open(path, "rb") as file:
             content = file.read(MOST_BYTES + 1)
     except OSError as error:
-        raise ShapeError(
-            f"{path}: {reason_of(error)}", "a file of a shape or a curve", "check the path"
-        ) from None
+        found = f"{path} cannot be read: {reason_of(error)}"
+        raise ShapeError(found, "the file of a shape or a curve", "check the path") from None
     if len(content) > MOST_BYTES:
         raise ShapeError(
-            f"{path} exceeds {MOST_BYTES} bytes", "a smaller file", "simplify the shape or curve"
+            f"{path} exceeds {MOST_BYTES} bytes",
+            f"a file of at most {MOST_BYTES} bytes",
+            "simplify the shape or the curve",
         )
     try:
         if content[:4] == b"PAR1":
-            return _of_parquet(content)
+            return _of_parquet(path)
         document = json.loads(content.decode())
+    except ChangedFileError as error:
+        raise ShapeError(
+            f"{path} is damaged: {error}",
+            "the file as evocity wrote it",
+            "restore the file from a copy, or write it again",
+        ) from None
     except (ValueError, RecursionError, OSError, KeyError, TypeError, pa.ArrowException):
         document = None
     return document if isinstance(document, dict) else {}
 
 
-def _of_parquet(content: bytes) -> dict:
-    file = pq.ParquetFile(pa.BufferReader(content), page_checksum_verification=True)
+def _of_parquet(path: Path) -> dict:
+    file = open_table(path, (_ABOUT,), MOST_NUMBERS)
     about = file.metadata
     groups = [about.row_group(k) for k in range(about.num_row_groups)]
     numbers = sum(each.column(k).num_values for each in groups for k in range(each.num_columns))

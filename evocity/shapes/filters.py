@@ -128,9 +128,9 @@ def filters_of(maps: np.ndarray, depth: int, shared: bool) -> list[Filter]:
         across = np.einsum("ik,kl->il", whole[free, inner], low)
         if not conditions(across) < _WORST:
             raise ShapeError(
-                "the weights of some control points depend on each other",
-                "at most as many points as the curve has degrees of freedom",
-                "choose fewer points",
+                "the weights of some control points are linearly dependent",
+                "a curve with at most as many control points as degrees of freedom",
+                "choose fewer control points",
             )
         detail = np.zeros((width - size, width))
         # U, orthonormal in the weights: orthogonal to T, divided by their root

@@ -4,7 +4,7 @@ A word's first letter is the outermost map. Each language is a deterministic aut
 Prusinkiewicz & Hammel 1991, language-restricted IFS; Thollot & Tosan 1995.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -26,18 +26,19 @@ class Language:
 
     Parameters
     ----------
-    table : whole numbers ``(S, N)``: the next state for each state and letter, −1 for no next
+    table : the next state for each state and letter, whole numbers ``(S, N)``; −1 for no next
         state. The automaton starts in state 0.
-    accepting : bool ``(S,)``: whether a word may end in this state; by default all states accept.
+    accepting : whether a word may end in each state, bool ``(S,)``; by default all states accept.
 
     Two languages are equal if they accept the same words. For two languages with the same letters,
-    ``|``, ``&`` and ``-`` are the union, the intersection and the difference. ``@`` is the
-    concatenation: words of the first followed by words of the second. ``~`` is the complement. The
-    automata of the results are minimal.
+    the operators ``|``, ``&`` and ``-`` make the union, the intersection and the difference. The
+    operator ``@`` makes the concatenation: each word of the first language, followed by each word
+    of the second. The operator ``~`` makes the complement. The language that an operator returns
+    has a minimal automaton.
 
     Raises
     ------
-    ShapeError : if the table is invalid, or has too many states or letters.
+    ShapeError : one of: an invalid table; too many states; too many letters.
     """
 
     table: np.ndarray
@@ -47,37 +48,36 @@ class Language:
         table = np.array(self.table)
         if table.ndim != 2 or table.dtype.kind not in "iu" or 0 in table.shape:
             raise ShapeError(
-                f"the table has the shape {table.shape}",
+                f"the table of the language has the shape {table.shape} and the type {table.dtype}",
                 "whole numbers, with a row for each state and a column for each letter",
-                "give the next state for each letter, or -1 for no next state",
+                "give the next state for each state and letter, or -1 for no next state",
             )
         states, letters = table.shape
         if states > MOST_STATES or letters > MOST_LETTERS:
             raise ShapeError(
-                f"the language has {states} states and {letters} letters",
-                f"at most {MOST_STATES} states and {MOST_LETTERS} letters",
-                "describe a simpler language",
+                f"the language is too large: {states} states and {letters} letters",
+                f"a language of at most {MOST_STATES} states and {MOST_LETTERS} letters",
+                "describe a language of fewer words or letters",
             )
         wrong = (table < -1) | (table >= states)
         if wrong.any():
             raise ShapeError(
-                f"the table names a missing state, {table[wrong][0]}",
-                f"states from -1 to {states - 1}",
-                "correct the table",
+                f"the table of the language names a missing state, {table[wrong][0]}",
+                f"numbers of states from 0 to {states - 1}, or -1 for no next state",
+                "correct the numbers of states in the table",
             )
         accepting = np.ones(states, bool) if self.accepting is None else np.array(self.accepting)
         if accepting.shape != (states,) or accepting.dtype != bool:
             raise ShapeError(
-                f"accepting has the shape {accepting.shape} and the type {accepting.dtype}",
-                f"true or false for each of {states} states",
-                "correct accepting",
+                f"the parameter 'accepting' has the shape {accepting.shape} and the type "
+                f"{accepting.dtype}",
+                f"an array of {states} booleans, one for each state of the language",
+                f"give an array of {states} booleans",
             )
         object.__setattr__(self, "table", table.astype(np.int64))
         object.__setattr__(self, "accepting", accepting)
         self.table.setflags(write=False)
         self.accepting.setflags(write=False)
-
-    # -- constructors ---------------------------------------------------------------------
 
     @classmethod
     def every(cls, letters: int) -> "Language":
@@ -86,23 +86,17 @@ class Language:
 
     @classmethod
     def level(cls, letters: int, length: int) -> "Language":
-        """Make the language of all words of one ``length``, 0 or more."""
+        """Make the language of all words that have a given ``length``, 0 or more."""
         table = np.full((length + 1, letters), -1)
         table[:-1] = np.arange(1, length + 1)[:, None]
         return cls(table, np.arange(length + 1) == length)
 
     @classmethod
     def without(cls, letters: int, *forbidden: Sequence[int]) -> "Language":
-        """Make the language of all words that contain no ``forbidden`` word: ``without(4, [3, 3])``
-        has no 3 after a 3."""
+        """Make the language of all words that contain no ``forbidden`` word. For example, words of
+        ``without(4, [3, 3])`` never have the letter 3 twice in succession."""
         words = [tuple(word) for word in forbidden]
-        for word in words:
-            if not word or not all(0 <= letter < letters for letter in word):
-                raise ShapeError(
-                    f"the forbidden word {spell(list(word))} is invalid",
-                    f"at least one letter, each from 0 to {letters - 1}",
-                    "correct the word",
-                )
+        _check_words(words, letters, 1)
         # states are prefixes of forbidden words: the longest that has just been read (Aho-Corasick)
         prefixes = sorted({word[:k] for word in words for k in range(len(word))}, key=len) or [()]
         number = {prefix: k for k, prefix in enumerate(prefixes)}
@@ -118,21 +112,13 @@ class Language:
 
     @classmethod
     def of_words(cls, letters: int, words: Sequence[Sequence[int]]) -> "Language":
-        """Make the language of the given ``words``."""
+        """Make the language that contains exactly the given ``words``."""
         prefixes = sorted({tuple(word)[:k] for word in words for k in range(len(word) + 1)} | {()})
         number = {prefix: k for k, prefix in enumerate(prefixes)}
         table = [[number.get((*prefix, k), -1) for k in range(letters)] for prefix in prefixes]
         whole = {tuple(word) for word in words}
-        for word in whole:
-            if not all(0 <= letter < letters for letter in word):
-                raise ShapeError(
-                    f"the word {spell(list(word))} is invalid",
-                    f"letters from 0 to {letters - 1}",
-                    "correct the word",
-                )
+        _check_words(whole, letters, 0)
         return cls(np.array(table), np.array([prefix in whole for prefix in prefixes])).minimal
-
-    # -- queries ----------------------------------------------------------------
 
     @property
     def letters(self) -> int:
@@ -159,9 +145,9 @@ class Language:
         return hash((self.minimal.table.tobytes(), self.minimal.accepting.tobytes()))
 
     def count(self, length: int) -> int:
-        """Count the words of one ``length``, exactly."""
+        """Count the words that have a given ``length``, exactly."""
         if length < 0:
-            raise ShapeError(setting("length", length), "0 or more", "correct it")
+            raise ShapeError(setting("length", length), "a length of 0 or more", "give a length")
         ways = [int(ends) for ends in self.accepting]
         table = self.table.tolist()
         for _ in range(length):
@@ -169,7 +155,7 @@ class Language:
         return ways[0]
 
     def words(self, length: int) -> Iterator[tuple[int, ...]]:
-        """Yield all words of one ``length``, in lexicographic order."""
+        """Yield all words that have a given ``length``, in lexicographic order."""
         left = [self.accepting]  # states from which so many letters lead to an end
         for _ in range(length):
             reached = np.append(left[-1], False)[self.table]
@@ -198,7 +184,7 @@ class Language:
 
     @cached_property
     def lasting(self) -> np.ndarray:
-        """Bool ``(S,)``: the states with words of any length from there."""
+        """The states from which words of any length lead on, bool ``(S,)``."""
         useful = self._reaching
         while True:
             goes_on = (np.append(useful, False)[self.table]).any(axis=1) & useful
@@ -208,7 +194,8 @@ class Language:
 
     @property
     def lasts(self) -> bool:
-        """Whether the language has words of any length. If not, there is no attractor."""
+        """Whether the language has arbitrarily long words. A shape of finitely many words has no
+        attractor."""
         return bool(self.lasting[0])
 
     @cached_property
@@ -221,12 +208,10 @@ class Language:
                 return reaching
             reaching = more
 
-    # -- operations ----------------------------------------------------------------
-
     @cached_property
     def minimal(self) -> "Language":
-        """The smallest automaton of the same words; numbers of states are in breadth-first
-        order."""
+        """The language with the smallest automaton of the same words. Its states are numbered in
+        breadth-first order."""
         table, accepting = self._whole()
         # Moore: states differ if they accept differently, then if their letters lead to others
         classes = accepting.astype(np.int64)
@@ -271,8 +256,8 @@ class Language:
         if self.letters != other.letters:
             raise ShapeError(
                 f"the languages have {self.letters} and {other.letters} letters",
-                "two languages with the same letters",
-                "add letters to the smaller language, with rename",
+                "two languages with the same number of letters",
+                "add letters to the smaller language with renamed()",
             )
         (first, ends), (second, its_ends) = self._whole(), other._whole()
         tables = first.tolist(), second.tolist()
@@ -304,14 +289,15 @@ class Language:
         )
 
     def renamed(self, letters: int, names: Sequence[int]) -> "Language":
-        """Rename letter k to ``names[k]``, in an alphabet of ``letters`` letters."""
+        """Rename each letter k to ``names[k]``; the argument ``letters`` is the number of
+        letters of the new language."""
         table = np.full((len(self.table), letters), -1)
         table[:, list(names)] = self.table
         return Language(table, self.accepting)
 
     def substituted(self, words: Mapping[int, Sequence[int]], letters: int) -> "Language":
-        """Replace each letter by a word, in an alphabet of ``letters`` letters. Letters without a
-        word stay."""
+        """Replace each letter by its word in ``words``, whose letters are 0 … ``letters`` − 1. A
+        letter that has no word in ``words`` stays unchanged."""
         states = len(self.table)
         edges: list[dict[int, set[int]]] = [{} for _ in range(states)]
         silent: list[set[int]] = [set() for _ in range(states)]
@@ -345,6 +331,16 @@ class Language:
         )
 
 
+def _check_words(words: Iterable[tuple[int, ...]], letters: int, shortest: int) -> None:
+    for word in words:
+        if len(word) < shortest or not all(0 <= letter < letters for letter in word):
+            raise ShapeError(
+                f"the word {spell(list(word))} is invalid",
+                f"a list of {'one or more ' * (shortest > 0)}numbers from 0 to {letters - 1}",
+                "correct the numbers in the word",
+            )
+
+
 def _explore(start, letters: int, read: Callable, accepts: Callable) -> Language:
     """Build the minimal automaton of all states reached from ``start``."""
     return _build(start, letters, read, accepts).minimal
@@ -362,8 +358,8 @@ def _build(start, letters: int, read: Callable, accepts: Callable, empty=None) -
                 if len(order) == MOST_STATES:
                     raise ShapeError(
                         f"the language has more than {MOST_STATES} states",
-                        "a simpler language",
-                        "combine fewer or simpler languages",
+                        f"a language of at most {MOST_STATES} states",
+                        "combine fewer languages, or languages of fewer states",
                     )
                 number[to] = len(order)
                 order.append(to)

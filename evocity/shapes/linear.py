@@ -6,6 +6,9 @@ Matrices are of 3 × 3, or of an automaton's states; no birth of a search depend
 import numpy as np
 import scipy
 
+#: The functions of NumPy that other modules need, unchanged.
+determinants, solve, cholesky = np.linalg.det, np.linalg.solve, np.linalg.cholesky
+
 
 def norms(parts: np.ndarray) -> np.ndarray:
     """Compute the spectral norms ``(k,)`` of matrices ``(k, m, m)``."""
@@ -15,16 +18,6 @@ def norms(parts: np.ndarray) -> np.ndarray:
 def radii(parts: np.ndarray) -> np.ndarray:
     """Compute the spectral radii ``(k,)`` of matrices ``(k, m, m)``."""
     return np.abs(np.linalg.eigvals(parts)).max(axis=1) if len(parts) else np.zeros(0)
-
-
-def determinants(parts: np.ndarray) -> np.ndarray:
-    """Compute the determinants ``(k,)`` of matrices ``(k, m, m)``."""
-    return np.linalg.det(parts)
-
-
-def solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solve ``matrix`` x = ``right``."""
-    return np.linalg.solve(matrix, right)
 
 
 def fixed_vector(matrix: np.ndarray) -> np.ndarray:
@@ -46,11 +39,6 @@ def null_rows(matrix: np.ndarray) -> np.ndarray:
     m."""
     rows, columns = matrix.shape
     return np.linalg.qr(matrix.T, mode="complete")[0].T[rows:] if rows else np.eye(columns)
-
-
-def cholesky(matrix: np.ndarray) -> np.ndarray:
-    """Compute the lower triangle L of a positive definite ``matrix`` L Lᵀ."""
-    return np.linalg.cholesky(matrix)
 
 
 def solve_banded(diagonals: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from evocity.errors import setting
+from evocity.shapes.checks import array_like, check_range
 from evocity.shapes.languages import ShapeError
 
 #: The most points of a line.
@@ -19,29 +19,21 @@ def line_of(given: ArrayLike) -> np.ndarray:
     Raises `ShapeError` for fewer than two points, points equal to the one before, and numbers that
     are not finite. In a closed line the last point equals the first.
     """
-    try:
-        line = np.array(given, np.float64)
-    except (TypeError, ValueError):
-        line = np.zeros(0)
-    if line.ndim != 2 or line.shape[1] != 2:
-        raise ShapeError(
-            f"the line has the shape {line.shape}", "(n, 2): x and y", "give a row for each point"
-        )
+    line = array_like(
+        given, "points of the line", "(n, 2)", lambda shape: len(shape) == 2 and shape[1] == 2
+    )
     if not 2 <= len(line) <= MOST_LINE:
         raise ShapeError(
             f"the line has {len(line)} {'point' if len(line) == 1 else 'points'}",
-            f"2 to {MOST_LINE} points",
-            "give another line",
+            f"a line of 2 to {MOST_LINE} points",
+            "give a line with more points" if len(line) < 2 else "simplify the line",
         )
-    if not np.isfinite(line).all():
-        at = int(np.argwhere(~np.isfinite(line))[0, 0])
-        raise ShapeError(f"point {at} is not finite", "finite numbers", "correct the point")
     same = np.flatnonzero((line[1:] == line[:-1]).all(axis=1))
     if len(same):
         raise ShapeError(
             f"points {same[0]} and {same[0] + 1} of the line coincide at {place_of(line[same[0]])}",
-            "points that differ from the point before",
-            "leave the second point out",
+            "points that each differ from the point before",
+            f"leave point {same[0] + 1} out",
         )
     return line
 
@@ -53,13 +45,13 @@ def lengths_of(line: np.ndarray) -> np.ndarray:
 
 
 def resampled(line: ArrayLike, count: int) -> np.ndarray:
-    """Resample a line at ``count`` points ``(count, 2)`` in equal steps; its two ends stay.
+    """Resample a ``line`` at ``count`` points ``(count, 2)`` in equal steps; its two ends stay.
 
-    Raises `ShapeError` as `line_of` does, and if ``count`` is outside 2…`MOST_LINE`.
+    Raises `ShapeError` if the line is not a polyline of the plane, or if ``count`` is outside
+    2…`MOST_LINE`.
     """
     line = line_of(line)
-    if isinstance(count, bool) or not 2 <= count <= MOST_LINE:
-        raise ShapeError(setting("count", count), f"2…{MOST_LINE}", "choose another")
+    check_range("count", count, 2, MOST_LINE)
     along = lengths_of(line)
     at = np.linspace(0, along[-1], count)
     points = np.column_stack([np.interp(at, along, line[:, axis]) for axis in (0, 1)])
@@ -68,8 +60,8 @@ def resampled(line: ArrayLike, count: int) -> np.ndarray:
 
 
 def crossing_of(line: ArrayLike) -> np.ndarray | None:
-    """Find a place ``(2,)`` where a line crosses or touches itself; None if there is no such place.
-    Ends that coincide do not count."""
+    """Find a place ``(2,)`` where a ``line`` crosses or touches itself; None without a crossing.
+    The common end point of a closed line does not count as a crossing."""
     line = line_of(line)
     if shapely.is_simple(shapely.linestrings(line)):
         return None

@@ -1,26 +1,27 @@
 """`Primitive`: points, lines and faces that a shape's maps transform."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from evocity.errors import add_near_miss, spell
+from evocity.shapes.checks import array_like
 from evocity.shapes.languages import ShapeError
 
 
 @dataclass(frozen=True, eq=False)
 class Primitive:
-    """Points, with the lines or faces between them.
+    """A simple drawing: points, with the lines or faces between them.
 
     Parameters
     ----------
-    points : float ``(n, m)``, in the plane or in space.
-    lines : pairs of points ``(k, 2)``, by the numbers of the points.
-    faces : triangles ``(k, 3)``, by the numbers of the points; in space counterclockwise as seen
-        from outside.
+    points : coordinates of the points, float ``(n, 2)`` in the plane or ``(n, 3)`` in space.
+    lines : numbers of the two ends of each line, ``(k, 2)``.
+    faces : numbers of the three corners of each triangle, ``(k, 3)``. In space, the three corners
+        of a face run counterclockwise as seen from outside.
     """
 
     points: np.ndarray
@@ -29,42 +30,39 @@ class Primitive:
 
     @classmethod
     def of(cls, points: ArrayLike, lines: ArrayLike = (), faces: ArrayLike = ()) -> "Primitive":
-        points = np.array(points, np.float64)
-        if points.ndim != 2 or points.shape[1] not in (2, 3) or not len(points):
-            raise ShapeError(
-                f"the points have the shape {points.shape}",
-                "points of 2 or 3 numbers",
-                "correct the points",
-            )
-        if not np.isfinite(points).all():
-            raise ShapeError("a point is not finite", "finite numbers", "correct the point")
+        points = array_like(
+            points,
+            "points",
+            "(n, 2) or (n, 3)",
+            lambda s: len(s) == 2 and s[1] in (2, 3) and s[0] > 0,
+        )
         parts = []
         for name, given, corners in (("lines", lines, 2), ("faces", faces, 3)):
             part = np.array(given, np.int64).reshape(-1, corners)
             if part.size and not (part.min() >= 0 and part.max() < len(points)):
                 raise ShapeError(
-                    f"{name} use a missing point; the highest number is {part.max()}",
-                    f"points 0 to {len(points) - 1}",
-                    f"correct the {name}",
+                    f"a missing point in the {name}: {part[part >= len(points)].max(initial=-1)}",
+                    f"numbers of points from 0 to {len(points) - 1}",
+                    f"correct the numbers of points in the {name}",
                 )
             parts.append(part)
         return cls(points, *parts)
 
     @classmethod
     def polyline(cls, points: Sequence) -> "Primitive":
-        """Make a line through at least two points."""
+        """Make the primitive of a line through at least two points."""
         count = len(points)
         return cls.of(points, np.column_stack([np.arange(count - 1), np.arange(1, count)]))
 
     @classmethod
     def polygon(cls, points: Sequence) -> "Primitive":
-        """Make a filled convex polygon with at least three corners."""
+        """Make the primitive of a filled convex polygon with at least three corners."""
         count = len(points)
         return cls.of(points, (), [(0, k, k + 1) for k in range(1, count - 1)])
 
     @property
     def size(self) -> int:
-        """Number of coordinates: 2 in the plane, 3 in space."""
+        """Number of coordinates of a point: 2 in the plane, 3 in space."""
         return self.points.shape[1]
 
 
@@ -130,6 +128,20 @@ def primitive_of(given: "str | Primitive") -> Primitive:
         raise ShapeError(
             add_near_miss(f"primitive {spell(given)}", str(given), _MAKERS),
             f"one of {', '.join(PRIMITIVES)}, or a Primitive",
-            "choose one of them",
+            "choose one of these primitives",
         )
     return _MAKERS[given]()
+
+
+def in_space(primitive: Primitive, size: int) -> Primitive:
+    """Lay a primitive of the plane into space if ``size`` is 3."""
+    if primitive.size == size:
+        return primitive
+    if primitive.size > size:
+        raise ShapeError(
+            "the primitive is three-dimensional, but the affine maps are two-dimensional",
+            "a two-dimensional primitive, such as point, segment or square",
+            "choose a two-dimensional primitive, or give three-dimensional affine maps",
+        )
+    points = np.column_stack([primitive.points, np.zeros(len(primitive.points))])
+    return replace(primitive, points=points)

@@ -1,4 +1,4 @@
-"""Rendering of shapes and lines: masks, pictures, SVG."""
+"""Rendering of shapes and lines: masks, pictures, SVG, solids in GLB."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -8,13 +8,20 @@ from numpy.typing import ArrayLike
 from PIL import Image, ImageDraw
 
 from evocity.errors import setting
+from evocity.formats.gltf import glb
+from evocity.formats.solids import WALL, About, Mesh
+from evocity.shapes.checks import check_range
 from evocity.shapes.languages import ShapeError
+from evocity.shapes.linear import determinants
 from evocity.shapes.lines import line_of
 from evocity.shapes.shape import MOST_PIECES, Pieces, Shape
 
+#: The most triangles of a GLB file.
+MOST_TRIANGLES = 2_000_000
 #: The largest side of a picture, px.
 MOST_SIDE = 8192
 _INK, _GREY, _PAPER = (31, 41, 51), (170, 178, 189), (255, 255, 255)
+_MATERIAL = (0.75, 0.75, 0.72)
 
 
 @dataclass(frozen=True)
@@ -30,8 +37,7 @@ class Frame:
     @classmethod
     def of(cls, box: np.ndarray, side: int) -> "Frame":
         """Put the ``box`` ``(2, m)`` in the middle of a square of ``side`` px."""
-        if isinstance(side, bool) or not isinstance(side, int) or not 8 <= side <= MOST_SIDE:
-            raise ShapeError(setting("side", side), f"a whole number, 8…{MOST_SIDE}", "correct it")
+        check_range("side", side, 8, MOST_SIDE, whole=True)
         wide = box[1] - box[0]
         scale = side / max(float(wide.max()), 1e-300)
         return cls(scale, box[0], (side - scale * wide) / 2, side)
@@ -66,17 +72,20 @@ def mask_of(
     box: np.ndarray | None = None,
     most: int = MOST_PIECES,
 ) -> np.ndarray:
-    """Mark which of ``side`` × ``side`` cells (× ``side`` in space) a shape fills. Return bool,
-    north up.
+    """Mark the cells that a ``shape`` fills in a raster of ``side`` cells along each axis. The
+    result is a bool array, north up.
 
-    Without a ``depth``, pieces are as fine as a cell, and each piece marks the cell of its middle.
-    The ``box`` ``(2, m)`` is the part to show; by default the whole shape.
+    Without a ``depth``, pieces are as fine as a cell, and each piece marks the cell that contains
+    the middle of the piece. The ``box`` ``(2, m)`` is the part of the shape to show; the default is
+    the whole shape.
 
-    Raises `ShapeError` for too many pieces, and if a depth is given for a shape in space.
+    Raises `ShapeError` for more pieces than the limit ``most``, or if a depth is given for a shape
+    in space.
     """
     if depth is not None:
         if shape.size == 3:
-            raise ShapeError(setting("depth", depth), "None for a mask in space", "leave it out")
+            found = setting("depth", depth)
+            raise ShapeError(found, "no depth for a mask in space", "leave the depth out")
         return np.asarray(picture_of(shape, side, depth, box, most).convert("L")) < 255
     frame = Frame.of(shape.box if box is None else np.asarray(box, float), side)
     return shape.laid(side, frame.scale, frame.offset)[0]
@@ -89,9 +98,12 @@ def picture_of(
     box: np.ndarray | None = None,
     most: int = MOST_PIECES,
 ) -> Image.Image:
-    """Draw a shape of the plane, ``side`` × ``side`` px. Pieces are painted in the order of their
-    words, later ones over earlier ones. So each point has the colour of its greatest address
-    (Barnsley 2005, *tops*). Arguments and errors are as in `mask_of`."""
+    """Draw a ``shape`` of the plane in a picture of ``side`` × ``side`` px.
+
+    Pieces are painted in the order of their words, so later pieces cover earlier pieces. Each point
+    gets the colour of the greatest word that leads to it (Barnsley 2005, *tops*). The parameters
+    ``depth``, ``box`` and ``most`` are as in `mask_of`.
+    """
     _check_plane(shape)
     frame = Frame.of(box_of(shape, depth) if box is None else np.asarray(box, float), side)
     if depth is not None:
@@ -119,8 +131,8 @@ def _paint(pieces: Pieces, frame: Frame) -> Image.Image:
 
 
 def svg_of(shape: Shape, depth: int, side: int = 512, most: int = 10**5) -> str:
-    """Draw a shape of the plane at a ``depth`` as SVG. Each run of pieces with one colour is one
-    path, in the order of the words."""
+    """Draw a ``shape`` of the plane as SVG, with the pieces at the given ``depth``. Successive
+    pieces of one colour share a path, and paths follow the order of the words."""
     _check_plane(shape)
     pieces = shape.pieces(depth, most=most)
     frame = Frame.of(box_of(shape, depth), side)
@@ -134,8 +146,9 @@ def svg_of(shape: Shape, depth: int, side: int = 512, most: int = 10**5) -> str:
 
 
 def line_picture(lines: Sequence[ArrayLike], side: int = 512) -> Image.Image:
-    """Draw lines ``(n, 2)`` in a picture of ``side`` × ``side`` px, north up. The first line is
-    dark, and lies over the others, which are grey. Raises `ShapeError` as `line_of`."""
+    """Draw ``lines``, each ``(n, 2)``, in a picture of ``side`` × ``side`` px, north up. The first
+    line is dark and lies over the rest of the lines, which are grey. Raises `ShapeError` if a line
+    is not a polyline of the plane."""
     lines = [line_of(line) for line in lines]
     every = np.vstack(lines)
     frame = Frame.of(np.stack([every.min(axis=0), every.max(axis=0)]), side)
@@ -201,7 +214,65 @@ def _colours(pieces: Pieces) -> np.ndarray:
 def _check_plane(shape: Shape) -> None:
     if shape.size != 2:
         raise ShapeError(
-            "the shape lies in space",
-            "a shape of the plane",
-            "make a mask of the shape: evocity.shapes.mask_of",
+            "the shape is not two-dimensional, so it has no picture",
+            "a two-dimensional shape",
+            "make a mask of the shape instead: evocity.shapes.mask_of",
         )
+
+
+@dataclass(frozen=True, eq=False)
+class _ColourGroup:
+    name: str
+    colour: tuple[float, float, float]
+    mesh: Mesh
+    count: int
+    copies: None = None
+
+    def __len__(self) -> int:
+        return self.count
+
+
+def glb_of(
+    shape: Shape, depth: int | None = None, pixel: float | None = None, name: str = "shape"
+) -> bytes:
+    """Return the bytes of a ``.glb`` file with the pieces of a shape, with z upwards and a mesh for
+    each colour.
+
+    Give either ``depth`` or ``pixel``, not both, as in `Shape.pieces`. Shapes of the
+    plane lie on the ground. Raises `ShapeError` for a primitive without faces, for more than
+    `MOST_TRIANGLES` triangles, and in the cases of `Shape.pieces`.
+    """
+    pieces = shape.pieces(depth, pixel)
+    faces = pieces.primitive.faces
+    if not len(faces):
+        raise ShapeError(
+            "the primitive of the shape has no faces",
+            "a primitive with faces, such as cube, sphere or cylinder",
+            "choose a primitive with faces by the parameter primitive=",
+        )
+    if len(pieces) * len(faces) > MOST_TRIANGLES:
+        raise ShapeError(
+            f"the shape has {len(pieces) * len(faces)} triangles",
+            f"a shape of at most {MOST_TRIANGLES} triangles",
+            "choose a smaller depth",
+        )
+    points = pieces.points
+    if shape.size == 2:
+        points = np.concatenate([points, np.zeros((*points.shape[:2], 1))], axis=2)
+    mirrored = determinants(pieces.maps[:, :, : shape.size]) < 0
+    turned = np.where(mirrored[:, None, None], faces[None, :, ::-1], faces[None])
+    colours = pieces.colours if pieces.colours.shape[1] else np.tile(_MATERIAL, (len(pieces), 1))
+    rounded = np.round(colours, 3)
+    groups = []
+    for number, colour in enumerate(np.unique(rounded, axis=0).tolist()):
+        own = np.flatnonzero((rounded == colour).all(axis=1))
+        first = len(pieces.primitive.points) * np.arange(len(own))[:, None, None]
+        triangles = (turned[own] + first).reshape(-1, 3).astype(np.int32)
+        owner = np.repeat(np.arange(len(own), dtype=np.int32), len(faces))
+        part = np.full(len(triangles), WALL, np.uint8)
+        mesh = Mesh(points[own].reshape(-1, 3), triangles, owner, part)
+        groups.append(_ColourGroup(f"{name} {number}", tuple(colour), mesh, len(own)))
+    low, high = points.min(axis=(0, 1)), points.max(axis=(0, 1))
+    size = float(high[0] - low[0]), float(high[1] - low[1])
+    middle = float(low[0] + high[0]) / 2, float(low[1] + high[1]) / 2
+    return glb(groups, About(name, "", None, (0.0, 0.0), size, (*middle, 1.0)))

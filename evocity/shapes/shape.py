@@ -1,6 +1,6 @@
 """`Shape`: an iterated function system of affine maps, a language and a primitive."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -10,18 +10,18 @@ import numpy as np
 from evocity.errors import setting
 from evocity.shapes._kernels import DEEPEST, farthest, played, walked
 from evocity.shapes.checks import (
-    check_contraction,
+    check_range,
+    check_same_space,
     colours_of,
     corners,
     finite_language_error,
-    in_space,
     maps_of,
     piece_count_error,
 )
-from evocity.shapes.contraction import Contraction, contraction_of
+from evocity.shapes.contraction import Contraction, check_contraction, contraction_of
 from evocity.shapes.languages import Language, ShapeError
 from evocity.shapes.linear import apply_maps, compose_maps, determinants, norms, solve
-from evocity.shapes.primitives import Primitive, primitive_of
+from evocity.shapes.primitives import Primitive, in_space, primitive_of
 
 #: The default of the most pieces to draw.
 MOST_PIECES = 10**7
@@ -36,10 +36,11 @@ _NO_GRID = np.zeros(0, np.uint8), np.zeros((0, 0)), np.zeros(0), 1.0, np.zeros(0
 class Pieces:
     """The pieces of a shape, in lexicographic order of their words.
 
-    maps : float ``(n, m, m + 1)``, the product of the maps along the word of each piece.
-    lengths : int ``(n,)``, the length of the word of each piece.
-    colours : float ``(n, 3)``, each 0…1; ``(n, 0)`` for shapes without colours.
-    primitive : the primitive that the map of each piece transforms.
+    maps : the product of the maps along the word of each piece, float ``(n, m, m + 1)``.
+    lengths : the length of the word of each piece, int ``(n,)``.
+    colours : red, green and blue of each piece, float ``(n, 3)`` of 0…1; ``(n, 0)`` for shapes
+        without colours.
+    primitive : the drawing that the map of each piece transforms.
     """
 
     maps: np.ndarray
@@ -52,7 +53,7 @@ class Pieces:
 
     @property
     def points(self) -> np.ndarray:
-        """The points of the primitive in each piece, ``(n, k, m)``."""
+        """The points of the primitive, as the map of each piece transforms them, ``(n, k, m)``."""
         return apply_maps(self.maps, self.primitive.points)
 
 
@@ -60,26 +61,29 @@ class Pieces:
 class Shape:
     """An iterated function system: affine maps of the plane or of space, with a language of words.
 
+    A word is a sequence of maps; these maps transform the primitive into a piece of the shape.
+
     Parameters
     ----------
-    maps : float ``(N, m, m + 1)``, m = 2 or 3. Each map is its linear part, then its translation; x
-        is to the right, y up.
+    maps : the affine maps, float ``(N, m, m + 1)`` with m = 2 or 3. The last column of a map is its
+        translation; x is to the right, y up.
     primitive : the drawing that each piece shows: "point", "segment", "square", "cube", "sphere",
-        "cylinder", or a `Primitive`. The default is the box of the attractor.
-    language : the words whose pieces belong to the shape; by default all words. The first letter is
-        the outermost map.
-    colours : the colour of each map, ``(N, 3)`` of 0…1; None for no colours.
-    mix : the weight, 0…1, of each letter in a word's colour, relative to the letter before.
+        "cylinder", or a `Primitive`. The default primitive is the box around the attractor.
+    language : the words whose pieces belong to the shape; by default all words. The first letter of
+        a word names the map that is applied last.
+    colours : red, green and blue of each map, ``(N, 3)`` of 0…1; None for no colours.
+    mix : weight of a letter's colour, 0…1, relative to the colour of the letter before it in
+        a word.
 
-    ``a | b`` has the pieces of both shapes. The shape ``a @ b`` has copies of b along a; the
-    language of a should be of one level: ``koch.level(2) @ fern``. For shapes with the same maps,
-    ``a & b`` has the words that both have. The shape ``a - b`` has the words that only a has.
+    The shape ``a | b`` has the pieces of both shapes. The shape ``a @ b`` has copies of b along a;
+    words of a should have equal lengths, as in ``koch.level(2) @ fern``. For shapes with the same
+    maps, ``a & b`` has the words in both shapes, and ``a - b`` has the words only in ``a``.
 
     Raises
     ------
-    ShapeError : for invalid maps; for maps that do not contract, with their numbers; for a language
-        with other letters or finitely many words; for colours outside 0…1. Warns of maps whose
-        contraction is neither proved nor refuted.
+    ShapeError : one of: invalid maps; maps that do not contract; a language with wrong letters or
+        finitely many words; colours outside 0…1. The constructor warns if it can neither prove nor
+        refute that the maps contract.
 
     Source: Tosan, Excoffier, Rondet-Mignotte 2005, §2 and §3.2; Hutchinson 1981.
     """
@@ -96,13 +100,14 @@ class Shape:
         language = Language.every(len(maps)) if self.language is None else self.language
         if language.letters != len(maps):
             raise ShapeError(
-                f"a language of {language.letters} letters does not fit {len(maps)} maps",
-                "one letter for each map",
-                "give another language, or rename its letters",
+                f"a language of {language.letters} letters does not fit {len(maps)} affine maps",
+                "a language with one letter for each affine map",
+                "give another language, or rename its letters with renamed()",
             )
         _set(self, maps=maps, language=language, colours=colours_of(self.colours, len(maps)))
         if not (isinstance(self.mix, int | float) and 0 < self.mix < 1):
-            raise ShapeError(setting("mix", self.mix), "a number between 0 and 1", "correct it")
+            found = setting("mix", self.mix)
+            raise ShapeError(found, "a number above 0 and below 1", "choose another mix")
         _set(self, contraction=contraction_of(maps, language))
         check_contraction(self.contraction)
         primitive = self.primitive
@@ -112,23 +117,21 @@ class Shape:
 
     @classmethod
     def from_frames(cls, frames: Sequence, **more: Any) -> "Shape":
-        """Make a shape from ``frames`` (O, x, y), in space (O, x, y, z). The map of a frame takes
-        the origin to O, and the axes' unit vectors to x, y (and z). Source: the same paper, §3.1,
-        fig. 4."""
+        """Make a shape from ``frames``, each (O, x, y) in the plane or (O, x, y, z) in space. The
+        map of a frame takes the origin to O, and the unit vectors of the axes to x, y and z.
+        Source: Tosan, Excoffier, Rondet-Mignotte 2005, §3.1 and figure 4."""
         arrays = [np.array(frame, np.float64) for frame in frames]
         if not arrays or any(one.ndim != 2 or len(one) != one.shape[1] + 1 for one in arrays):
             raise ShapeError(
-                "the frames are invalid",
-                "an origin, and one axis for each of its numbers",
+                "the frames of the shape are invalid",
+                "an origin in each frame, and one axis for each coordinate of this origin",
                 "correct the frames",
             )
         return cls(np.stack([np.column_stack([*one[1:], one[0]]) for one in arrays]), **more)
 
-    # -- properties --------------------------------------------------------------------------
-
     @property
     def size(self) -> int:
-        """2 in the plane, 3 in space."""
+        """Number of coordinates: 2 in the plane, 3 in space."""
         return self.maps.shape[1]
 
     def __len__(self) -> int:
@@ -136,8 +139,8 @@ class Shape:
 
     @cached_property
     def box(self) -> np.ndarray:
-        """Least and greatest coordinates ``(2, m)`` of the attractor, up to a 100th too wide where
-        maps turn; for a language of finitely many words, of the attractor of all words."""
+        """Least and greatest coordinates of the attractor, ``(2, m)``. If maps turn, the box may be
+        wider by up to 1 %. With finitely many words, the box is of the attractor of all words."""
         centre, radius = self._ball
         whole = np.stack([centre - radius, centre + radius])
         if not self.language.lasts:
@@ -211,13 +214,12 @@ class Shape:
         return np.mean(points or [np.zeros(self.size)], axis=0)
 
     def fixed(self, letter: int) -> np.ndarray | None:
-        """Find the fixed point ``(m,)`` of a map; None if the map has no fixed point or many."""
+        """Find the fixed point ``(m,)`` of one map; the argument ``letter`` is the number of this
+        map. The result is None if this map has no fixed point, or more than one."""
         part = np.eye(self.size) - self.maps[letter, :, : self.size]
         if abs(float(determinants(part[None])[0])) < 1e-12:
             return None
         return solve(part, self.maps[letter, :, self.size])
-
-    # -- pieces --------------------------------------------------------------------------
 
     def pieces(
         self,
@@ -225,30 +227,30 @@ class Shape:
         pixel: float | None = None,
         most: int = MOST_PIECES,
     ) -> Pieces:
-        """List all pieces: those of one ``depth`` (0…63), or pieces as fine as a ``pixel``, in
-        units of the shape. With ``pixel``, each branch ends as soon as its box is smaller on every
-        side.
+        """List the pieces of all words of length ``depth`` (0…63), or all pieces smaller than
+        ``pixel``, a length in units of the shape. Give either ``depth`` or ``pixel``, not both.
 
-        Raises `ShapeError` for more than ``most`` pieces, before it makes them. Raises `ShapeError`
-        too if both or neither of ``depth`` and ``pixel`` are given.
+        If ``pixel`` is given, a word ends as soon as the box of its piece is smaller than the
+        ``pixel`` on every side. Raises `ShapeError` if there would be more pieces than the limit
+        ``most``.
         """
         if (depth is None) == (pixel is None):
             raise ShapeError(
-                "neither depth= nor pixel=" if depth is None else "both depth= and pixel=",
-                "one of them",
-                "give a depth or a pixel",
+                f"{'neither' if depth is None else 'both'} of depth= and pixel= are given",
+                "exactly one of the parameters depth= and pixel=",
+                "give either the parameter depth= or the parameter pixel=",
             )
         language = self.language
         automaton = language.table, language.accepting
         if pixel is not None:
             if not (np.isfinite(pixel) and pixel > 0):
-                raise ShapeError(setting("pixel", pixel), "a number above 0", "correct it")
+                found = setting("pixel", pixel)
+                raise ShapeError(found, "a number above 0", "choose another pixel")
             if not language.lasts:
                 raise finite_language_error()
             automaton, depth, fine = self._endless_automaton, DEEPEST, float(pixel)
-        elif isinstance(depth, bool) or not isinstance(depth, int) or not 0 <= depth <= DEEPEST:
-            raise ShapeError(setting("depth", depth), f"a whole number, 0…{DEEPEST}", "correct it")
         else:
+            check_range("depth", depth, 0, DEEPEST, whole=True)
             fine, count = 0.0, language.count(depth)
             if count > most:
                 raise piece_count_error(count, most)
@@ -268,11 +270,17 @@ class Shape:
     def laid(
         self, side: int, scale: float, offset: np.ndarray, most: int = 10**9
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Fill cells by pieces of the size of cells, and return two arrays. The first is bool
-        ``(side, …)``, rows from the north, then columns (and layers). The second holds colours,
-        float with one axis more. Later words paint over earlier ones. The ``scale`` is the number
-        of cells per unit. The ``offset`` ``(m,)`` is the place of the origin in cells, y upwards.
-        Raises `ShapeError` for more than ``most`` pieces."""
+        """Fill the cells of a raster by pieces as small as a cell.
+
+        side : number of cells along each axis.
+        scale : number of cells per unit of the shape.
+        offset : place of the shape's origin in the raster, in cells, y upwards, ``(m,)``.
+
+        The first returned array is bool and marks the filled cells: rows from the north, then
+        columns, then layers. The second array holds the colours of the filled cells, float with an
+        additional axis. Pieces of later words paint over pieces of earlier words. Raises
+        `ShapeError` for more pieces than the limit ``most``.
+        """
         base = self._base
         marks = np.zeros(side**self.size, np.uint8)
         paint = np.zeros((marks.size, base.shape[1]))
@@ -298,9 +306,12 @@ class Shape:
         return replace(whole, points=apply_maps(from_unit, whole.points))
 
     def chaos(self, count: int, rng: np.random.Generator) -> np.ndarray:
-        """Draw ``count`` points ``(count, m)`` of the attractor by the chaos game, for comparison.
-        The chance of a map follows its area. The automaton runs backwards, since the newest letter
-        is the outermost. Raises `ShapeError` if the language has finitely many words."""
+        """Draw random points ``(count, m)`` of the attractor by the chaos game.
+
+        The probability of a map is proportional to the area of its image. The automaton runs
+        backwards, because the last drawn letter is the outermost map. Raises `ShapeError` if the
+        language has finitely many words.
+        """
         if not self.language.lasts:
             raise finite_language_error()
         table, _ = self._endless_automaton
@@ -336,24 +347,24 @@ class Shape:
             points = moved + self.maps[letter, :, self.size]
         return points
 
-    # -- operations ----------------------------------------------------------------
-
     def level(self, length: int) -> "Shape":
-        """Restrict the shape to words of one ``length``."""
+        """Return a shape with only those words that have a given ``length``."""
         return self.restricted(self.language & Language.level(len(self), length))
 
     def restricted(self, language: Language) -> "Shape":
-        """Replace the language of the shape."""
+        """Return a shape with the same maps and another ``language``."""
         return replace(self, language=language)
 
     def moved(self, matrix: np.ndarray) -> "Shape":
-        """Transform the shape by an affine map ``(m, m + 1)``, which conjugates each map of the
-        shape. Raises `ShapeError` if the affine map has no inverse."""
+        """Transform the shape by an affine map, the ``matrix`` ``(m, m + 1)``. Raises `ShapeError`
+        if the affine map has no inverse."""
         own = maps_of([matrix])[0]
         size = self.size
         if own.shape != (size, size + 1) or abs(determinants(own[None, :, :size])[0]) < 1e-12:
             raise ShapeError(
-                "the map has no inverse", f"({size}, {size + 1}), invertible", "correct the map"
+                "the affine map that moves the shape has no inverse",
+                f"an invertible affine map, as a matrix of {size} rows and {size + 1} columns",
+                "choose an affine map that does not flatten the shape",
             )
         back = solve(own[:, :size], np.column_stack([np.eye(size), -own[:, size]]))
         maps = compose_maps(compose_maps(own, self.maps), back)
@@ -371,20 +382,13 @@ class Shape:
         return replace(self._union(other, first @ second), primitive=other.primitive)
 
     def __and__(self, other: "Shape") -> "Shape":
-        self._check_same(other)
-        return self.restricted(self.language & other.language)
+        return self._combined(other, Language.__and__)
 
     def __sub__(self, other: "Shape") -> "Shape":
-        self._check_same(other)
-        return self.restricted(self.language - other.language)
+        return self._combined(other, Language.__sub__)
 
     def _widened_languages(self, other: "Shape") -> tuple[Language, Language]:
-        if self.size != other.size:
-            raise ShapeError(
-                "one shape lies in the plane, the other in space",
-                "two shapes with the same number of coordinates",
-                "choose another shape",
-            )
+        check_same_space(self, other)
         count = len(self) + len(other)
         names = range(len(self), count)
         return self.language.renamed(count, range(len(self))), other.language.renamed(count, names)
@@ -396,20 +400,21 @@ class Shape:
         maps = np.concatenate([self.maps, other.maps])
         return Shape(maps, self.primitive, language, colours, self.mix)
 
-    def _check_same(self, other: "Shape") -> None:
+    def _combined(self, other: "Shape", combine: Callable) -> "Shape":
         if not np.array_equal(self.maps, other.maps):
             raise ShapeError(
-                "the two shapes have different maps", "the same maps", "use | or @ for other maps"
+                "the two shapes have different affine maps",
+                "two shapes with the same affine maps",
+                "combine shapes of different maps by | or @",
             )
-
-    # -- counts ---------------------------------------------------------------------
+        return self.restricted(combine(self.language, other.language))
 
     def count(self, depth: int) -> int:
-        """Count the pieces at one ``depth``, exactly."""
+        """Count the pieces of words of length ``depth``, exactly."""
         return self.language.count(depth)
 
     def words(self, depth: int) -> Iterator[tuple[int, ...]]:
-        """Yield the words of the pieces at one ``depth``, in the order of the pieces."""
+        """Yield all words of length ``depth``, in the order of their pieces."""
         return self.language.words(depth)
 
 

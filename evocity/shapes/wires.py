@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from evocity.errors import setting
+from evocity.shapes.checks import array_like, check_range, check_same_space
 from evocity.shapes.languages import ShapeError
 from evocity.shapes.linear import polar
 from evocity.shapes.shape import Shape
@@ -22,41 +22,41 @@ def wire(
     flipped: Sequence[bool] = (),
     **more: Any,
 ) -> Shape:
-    """Make a wire form: arcs between points replace the segment from (0, 0) to (1, 0), again and
-    again.
+    """Make a wire form, such as the Koch curve: a line replaces a segment, again and again.
 
-    points : float ``(n, 2)``, or n complex numbers.
-    arcs : the numbers (start, end) of the points that each arc joins, which may form any graph. By
-        default arcs join each point to the next.
-    flipped : whether the form of each arc lies on its other side; by default no arc is flipped.
+    The first line replaces the segment from (0, 0) to (1, 0). Each segment of a line is an arc.
+
+    points : points of the line that replaces a segment, float ``(n, 2)`` or n complex numbers.
+    arcs : the numbers (start, end) of the two points that each arc joins. Arcs may form any graph;
+        by default they join each point to the next point.
+    flipped : whether the copy of the line on each arc is mirrored; by default no copy is mirrored.
     more : further arguments of `Shape`; the default primitive is the segment.
 
-    Each arc is a similarity. Arcs with a common point keep it at every depth, so the form is
-    connected if the graph is. Raises `ShapeError` for fewer than two points, for arcs between
-    missing points, and for arcs that are too long to contract.
+    The map of each arc is a similarity. Arcs with a common point keep this point at every depth, so
+    a connected graph makes a connected form. Raises `ShapeError` for fewer than two points, for
+    arcs between missing points, and for arcs that are too long to contract.
     """
-    given = np.asarray(points)
-    at = given if np.iscomplexobj(given) else np.asarray(points, float)
-    if not np.iscomplexobj(given):
-        if at.ndim != 2 or at.shape[1] != 2:
-            raise ShapeError(
-                f"the points have the shape {at.shape}", "(n, 2)", "correct the points"
-            )
+    at = np.asarray(points)
+    if not np.iscomplexobj(at):
+        at = array_like(points, "points", "(n, 2)", lambda s: len(s) == 2 and s[1] == 2)
         at = at[:, 0] + 1j * at[:, 1]
     count = len(at)
     if count < 2:
-        raise ShapeError(f"the wire form has {count} points", "at least two points", "add points")
+        found = f"the wire form has too few points, {count}"
+        raise ShapeError(found, "at least two points", "add points to the wire form")
     pairs = [(k, k + 1) for k in range(count - 1)] if arcs is None else list(arcs)
     if not all(0 <= end < count for pair in pairs for end in pair):
         raise ShapeError(
-            "an arc joins a missing point", f"points 0 to {count - 1}", "correct the arc"
+            "an arc joins a missing point",
+            f"arcs between points with numbers from 0 to {count - 1}",
+            "correct the numbers of points in the arc",
         )
     mirrors = list(flipped) or [False] * len(pairs)
     if len(mirrors) != len(pairs):
         raise ShapeError(
-            f"{len(mirrors)} flags are given for {len(pairs)} arcs",
-            "one flag for each arc",
-            "correct the number of flags",
+            f"the parameter flipped has {len(mirrors)} values for {len(pairs)} arcs",
+            "one value of flipped for each arc",
+            f"give {len(pairs)} values of flipped",
         )
     maps = []
     for (start, end), mirror in zip(pairs, mirrors, strict=True):
@@ -77,13 +77,15 @@ def joint_gap(shape: Shape) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Metamorphosis:
-    """The metamorphosis of a shape into another shape. A call with t of 0…1 returns the shape in
-    between.
+    """The metamorphosis of a shape into another shape. A call with a number t from 0 to 1 returns
+    the shape between ``first`` and ``last`` at this share of the way.
 
-    ``pairs``: each map of the first shape, with the map of the last shape that it becomes.
-    Parameter ``linear``: whether to interpolate maps directly, which keeps connected forms
-    connected. Otherwise rotations turn the shorter way, and stretch and translation are
-    interpolated.
+    first, last : shapes that the metamorphosis returns for t = 0 and for t = 1.
+    pairs : numbers of paired maps: a map of the first shape becomes the paired map of the last
+        shape.
+    linear : whether the numbers of maps are interpolated directly; this keeps connected forms
+        connected. If ``linear`` is false, rotations turn the shorter way, and stretches are
+        interpolated.
     """
 
     first: Shape
@@ -92,8 +94,7 @@ class Metamorphosis:
     linear: bool
 
     def __call__(self, t: float) -> Shape:
-        if not 0 <= t <= 1:
-            raise ShapeError(setting("t", t), "a number of 0…1", "correct it")
+        check_range("t", t, 0, 1)
         before, after = (list(numbers) for numbers in zip(*self.pairs, strict=True))
         ones, others = self.first.maps[before], self.last.maps[after]
         if self.linear:
@@ -108,28 +109,25 @@ class Metamorphosis:
 
 
 def metamorphosis(first: Shape, last: Shape, linear: bool | None = None) -> Metamorphosis:
-    """Make the metamorphosis of the ``first`` shape into the ``last``. Both must lie in the plane
-    or both in space, and have the language of all words.
+    """Make the metamorphosis of the ``first`` shape into the ``last`` shape. Both shapes must have
+    the same number of coordinates and the language of all words.
 
-    ``linear``: see `Metamorphosis`; the default is true for two wire forms whose arcs follow each
-    other without gaps. If one shape has fewer maps, its last map becomes several maps of the other
-    shape. In a wire form all but the first of these maps begin as the end point. So the line stays
-    connected.
+    linear : whether the numbers of maps are interpolated directly, see `Metamorphosis`. By default
+        ``linear`` is true for two wire forms whose arcs follow each other without gaps.
 
-    Raises `ShapeError` if only one shape lies in space, and for restricted languages.
+    If one shape has fewer maps, its last map becomes several maps of the other shape. In a wire
+    form, all new maps but the first grow from the end point, so that the line stays connected.
+
+    Raises `ShapeError` if only one of the two shapes lies in space, or if a shape has a restricted
+    language.
     """
-    if first.size != last.size:
-        raise ShapeError(
-            "one shape lies in the plane, the other in space",
-            "two shapes with the same number of coordinates",
-            "choose another shape",
-        )
+    check_same_space(first, last)
     for shape in (first, last):
         if shape.language != type(shape.language).every(len(shape)):
             raise ShapeError(
                 "the language of a shape is restricted",
-                "the language of all words",
-                "restrict the result instead",
+                "two shapes with the language of all words",
+                "make the metamorphosis of the unrestricted shapes, then restrict the result",
             )
     joined = first.size == 2 and max(joint_gap(first), joint_gap(last)) < 1e-9
     if linear is None:

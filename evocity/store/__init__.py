@@ -2,7 +2,7 @@
 
 - `RunLog`: reads a run folder; safe on a stranger's folder and while the run goes on
 - `RunWriter`, `BackgroundWriter`, `LogRewrite`: write generations, in a thread, under a new header
-- `set_aside`: moves damaged files at the end of a run away, so that it can go on
+- `set_aside`: moves damaged files of a run, and all after them, away, so that it can go on
 - `Birth`, `Member`, `Header`, `Source`, `Thumbnails`, `Reconstruction`: the parts of a log
 - `append_command`, `read_commands`: requests of other processes to a run that goes on
 - `environment`, `hash_of_map`, `hash_of_mask`, `hash_of_file`: entries of provenance

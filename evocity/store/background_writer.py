@@ -56,9 +56,17 @@ class BackgroundWriter:
             self.flush()
             self._writer.event(event, **details)
 
-    def commands(self, first: int) -> list[tuple[int, dict | None]]:
+    def commands(self, first: int) -> tuple[list[tuple[int, dict | None]], bool]:
         """See `RunWriter.commands`."""
         return self._writer.commands(first)
+
+    def count_commands(self) -> int:
+        """See `RunWriter.count_commands`."""
+        return self._writer.count_commands()
+
+    def set_commands_aside(self) -> str:
+        """See `RunWriter.set_commands_aside`."""
+        return self._writer.set_commands_aside()
 
     def wait(self) -> None:
         """Wait until nothing is being written."""

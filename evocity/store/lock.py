@@ -7,8 +7,10 @@ import time
 from pathlib import Path
 
 from evocity.errors import RunError, reason_of
-from evocity.store.safe_open import open_to_append, open_to_read
+from evocity.store.run_directory import RunDirectory
 
+#: The name of the file that a writer of a run locks.
+LOCK = "lock"
 # A process that only looks holds a lock for a moment: tries to take it, and seconds between them.
 _TRIES, _BETWEEN_TRIES = 5, 0.01
 
@@ -31,32 +33,54 @@ else:
 
 
 class Lock:
-    """Holds ``path`` locked until `release`, or until the process ends.
+    """Holds the run folder ``directory`` locked until `release`, or until the process ends. Raises
+    `RunError` if another process holds it, or if the folder is not writable."""
 
-    Raises `RunError` if another process holds it, or if the folder is not writable.
-    """
-
-    def __init__(self, path: Path):
+    def __init__(self, directory: RunDirectory):
+        self._directory = directory
         try:
-            self._file = open_to_append(path)
+            self._file = directory.append(LOCK)
         except OSError as error:
             raise RunError(
-                f"{path.parent} cannot be written: {reason_of(error)}",
+                f"{directory.root} cannot be written: {reason_of(error)}",
                 "a run folder that you may write to",
-                "make the folder writable, or copy it to a writable place; reading needs neither",
+                "make the folder writable, or copy it to a place where you may write",
             ) from error
         try:
             _retry(_take, self._file)
         except (BlockingIOError, PermissionError):
             self._file.close()
             raise RunError(
-                f"{path.parent} is being written by another process",
-                "one writing process per run",
-                "wait for that process, or stop it; `evocity status` works meanwhile",
+                f"{directory.root} is being written by another process",
+                "a run that no other process writes",
+                "wait until the other process ends, or stop it",
             ) from None
         except BaseException:
             self._file.close()
             raise
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether another file stands at the path of the locked one, or none: another process may
+        hold that file. Raises OSError if the run folder is gone."""
+        folder = RunDirectory(self._directory.root)
+        try:
+            there = folder.stat(LOCK)
+        except FileNotFoundError:
+            os.stat(folder.root)
+            return True
+        return not os.path.samestat(os.fstat(self._file.fileno()), there)
+
+    def check(self) -> None:
+        """Raise `RunError` if the lock is lost, OSError if the run folder is gone."""
+        if self.is_lost:
+            raise RunError(
+                f"{self._directory.root / LOCK} was removed or replaced while this process wrote "
+                "the run",
+                "the file that this process locked, so that no other process writes the run",
+                "do not delete the file 'lock'; if no process writes the run now, continue it: "
+                f"evocity resume {self._directory.root}",
+            )
 
     def release(self) -> None:
         with contextlib.suppress(OSError):
@@ -64,13 +88,10 @@ class Lock:
 
 
 def is_held(path: Path) -> bool:
-    """Return whether a process holds ``path`` locked; changes nothing and keeps no process out.
-
-    False where nothing can be read, or where the file system has no locks. Raises `RunError` for a
-    link, and other files that are not plain.
-    """
+    """Return whether a process holds ``path`` locked; False where nothing can be read, or where the
+    file system has no locks. Raises `RunError` for a file that is not plain."""
     try:
-        file = open_to_read(path)
+        file = RunDirectory(path.parent).open(path.name)
     except OSError:
         return False
     with file:

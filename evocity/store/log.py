@@ -1,36 +1,38 @@
 """Births and membership of a run, over all its files; a merge may replace files meanwhile."""
 
-import os
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from numbers import Integral
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 
 from evocity.columns import array_of
 from evocity.errors import EvocityError, RunError
 from evocity.store.checksums import open_sealed
+from evocity.store.label import check_label
 from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder, Piece, last_whole
-from evocity.store.membership import summaries_of
+from evocity.store.membership import membership_schema, summaries_of
 from evocity.store.merge import KINDS, changed_error, damage_error
-from evocity.store.read_limits import read_through
-from evocity.store.schema import Header
-from evocity.store.tables import Tables
+from evocity.store.read_limits import ERROR, check_bounds, read_bounded, read_through
+from evocity.store.run_directory import RunDirectory
+from evocity.store.schema import ABOUT_RUN, Header, births_schema, check_rows
 
 # Bytes of a table up to which its columns are one chunk each: the limit of Arrow's lists.
 _WHOLE = 2**31
 # Attempts: a merge may replace a file after it is listed, and a rewritten log may move into place.
 _ATTEMPTS = 5
+# How deep a file is checked: its label, also its last generation, or all of it.
+_LABEL, _END, _WHOLE_FILE = range(3)
 
 
 class LastGeneration:
-    """Finds the last generation of the run in a ``folder``. Each file is checked once, while it
-    stays the same.
-
-    Raises OSError, and `RunError` for files that are not part of a run.
-    """
+    """Finds the last generation of the run in a ``folder``, and checks each file once. Raises
+    OSError, and `RunError` for files that are not part of a run."""
 
     def __init__(self, folder: Folder):
         self._folder = folder
@@ -44,47 +46,151 @@ class LastGeneration:
     def _pieces(self) -> list[list[Piece]]:
         return [self._folder.pieces(kind) for kind in (BIRTHS, MEMBERSHIP)]
 
+    @property
+    def missing(self) -> tuple[Path, ...]:
+        """The files of the generation after `written` that are missing, though later generations
+        are there."""
+        kinds = {kind: self._folder.pieces(kind) for kind in (BIRTHS, MEMBERSHIP)}
+        last = min(map(last_whole, kinds.values()))
+        after = max((piece.last for pieces in kinds.values() for piece in pieces), default=last)
+        return tuple(
+            self._folder.single(kind, last + 1)
+            for kind, pieces in kinds.items()
+            if after > last + 1 and last_whole(pieces) == last
+        )
+
     def sound(self, thorough: bool = False) -> tuple[int, tuple[Path, ...]]:
         """Return the last generation before any damage, and the files from there on. Only the last
-        generations are checked; all, if ``thorough``."""
+        generations are read, and all labels; if ``thorough``, all files, and files after a missing
+        one are damage too."""
         kinds = self._pieces()
         pieces = [piece for kind in kinds for piece in kind]
         end = last = min(map(last_whole, kinds))
-        checked: Sequence[Piece] = pieces if thorough else ()
+        checked: Sequence[Piece] = pieces
         while True:
             at_end = [p for p in pieces if p.first <= last <= p.last]
-            broken = [p.first for p in {*checked, *at_end} if not self._is_sound(p, thorough)]
+            depths = dict.fromkeys(checked, _LABEL) | dict.fromkeys(at_end, _END)
+            broken = [
+                one.first
+                for one, depth in depths.items()
+                if not self._is_sound(one, _WHOLE_FILE if thorough else depth)
+            ]
             lower = min([one - 1 for one in broken if one <= last], default=last)
             if lower == last:
                 break
             last, checked = lower, ()
-        if last == end:
+        if last == end and not (thorough and self.missing):
             return last, ()
         return last, tuple(piece.path for piece in pieces if piece.last > last)
 
-    def _is_sound(self, piece: Piece, whole: bool) -> bool:
-        """Whether the last generation of a file, or the ``whole`` file, can be read."""
+    def chain(self) -> str | None:
+        """Return the checksum of the last event before the last generation; None if the file of
+        that has none. Raises ValueError."""
+        last, _ = self.sound()
+        for piece in self._folder.pieces(MEMBERSHIP):
+            if piece.first <= last <= piece.last:
+                with self._folder.directory.open(piece.path) as file:
+                    label = check_label(file, piece)
+                return None if label is None else label.chain
+        return None
+
+    def _is_sound(self, piece: Piece, depth: int) -> bool:
         try:
-            about = os.stat(piece.path)
-            key = (piece.path, about.st_size, about.st_mtime_ns, whole)
+            about = self._folder.directory.stat(piece.path)
+            key = (piece.path, about.st_size, about.st_mtime_ns, depth)
             if key not in self._known:
-                self._known[key] = _reads(piece.path, whole)
+                self._known[key] = _reads(self._folder.directory, piece, depth)
             return self._known[key]
         except FileNotFoundError:  # merged in this moment
             return True
 
 
-def _reads(path: Path, whole: bool) -> bool:
+def _reads(directory: RunDirectory, piece: Piece, depth: int) -> bool:
     try:
-        with open_sealed(path) as file:
-            groups = range(file.num_row_groups)
-            for group in groups if whole else groups[-1:]:
-                read_through(file, group)
+        with directory.open(piece.path) as file:
+            check_label(file, piece)
+            if depth == _LABEL:
+                return True
+            with open_sealed(file) as opened:
+                groups = range(opened.num_row_groups)
+                for group in groups if depth == _WHOLE_FILE else groups[-1:]:
+                    read_through(opened, group)
     except FileNotFoundError:
         raise
     except (OSError, ValueError, pa.ArrowException):
         return False
     return True
+
+
+class Tables:
+    """Reads the files of the run in a ``directory`` with a ``header``. All methods raise OSError,
+    and the errors of damage. ``schemas``: the columns of births and of membership, by the kind of
+    file."""
+
+    def __init__(self, directory: RunDirectory, header: Header):
+        self._directory, self._header = directory, header
+        self.schemas = {BIRTHS: births_schema(header), MEMBERSHIP: membership_schema(header)}
+        self._known: set[bytes] = set()  # checked headers: hundreds of files have the same
+
+    @contextmanager
+    def open(self, kind: str, piece: Piece) -> "Iterator[Part]":
+        """Open a file and check its header and columns."""
+        folded = [ERROR] if kind == BIRTHS else []
+        with (
+            self._directory.open(piece.path) as opened,
+            open_sealed(opened, read_dictionary=folded) as file,
+        ):
+            check_label(opened, piece)
+            schema = file.schema_arrow
+            about = schema.metadata[ABOUT_RUN]
+            if about not in self._known:
+                if Header.from_json(about, piece.path) != self._header:
+                    raise ValueError("it belongs to another run")
+                self._known.add(about)
+            for name in folded:
+                at = schema.get_field_index(name)
+                schema = schema.set(at, schema.field(at).with_type(pa.string()))
+            if not schema.equals(self.schemas[kind]):
+                raise ValueError(f"its columns are not those of {kind}")
+            yield Part(self._header, kind, piece, file)
+
+
+@dataclass(frozen=True)
+class Part:
+    """An open ``file`` of the run with a ``header``."""
+
+    header: Header
+    kind: str
+    piece: Piece
+    file: pq.ParquetFile
+
+    def rows(
+        self, generations: range, columns: Sequence[str] | None, ids: Sequence[int] | None = None
+    ) -> pa.Table:
+        """Return the rows of ``generations``, of ``ids`` if given; all ``columns`` if None."""
+        groups: Sequence[int] = [g - self.piece.first for g in generations]
+        if self.piece.first == self.piece.last:  # without rows it has no row group
+            groups = range(self.file.num_row_groups)
+        check_bounds(self.file.metadata, self.header, groups, columns)
+        places = None if ids is None else _places(self.file, groups, ids)
+        table = read_bounded(self.file, self.kind, groups, columns, places)
+        check_rows(table, self.header, self.kind != BIRTHS)
+        return table
+
+    def spans(self, whole: range) -> Iterator[tuple[int, int, int]]:
+        """Return (generation, least and largest id) of each ``whole`` generation with births."""
+        about = self.file.metadata
+        at = self.file.schema_arrow.names.index("id")
+        # a row group a generation; without rows there is none
+        for group in range(about.num_row_groups):
+            ids = about.row_group(group).column(at).statistics
+            if self.piece.first + group in whole and ids is not None:
+                yield self.piece.first + group, int(ids.min), int(ids.max)
+
+
+def _places(file: pq.ParquetFile, groups: Sequence[int], ids: Sequence[int]) -> np.ndarray:
+    known = array_of(file.read_row_groups(groups, columns=["id"])["id"])
+    return np.flatnonzero(np.isin(known, np.array(ids, np.int64)))
 
 
 class LogFiles:
@@ -93,41 +199,45 @@ class LogFiles:
     def __init__(self, folder: Folder, header: Header, provenance: Mapping):
         self._folder, self._path = folder, folder.root
         self._population, self._provenance = header.population, provenance
-        self._ending, self._tables = LastGeneration(folder), Tables(header)
+        self._ending, self._tables = LastGeneration(folder), Tables(folder.directory, header)
 
     @property
     def columns(self) -> list[str]:
-        """Names of the columns of births."""
         return self._tables.schemas[BIRTHS].names
 
     @property
     def written(self) -> range:
-        """See `RunLog.written`."""
         return range(self._with_pieces(lambda: self._ending.written) + 1)
 
     @property
     def generations(self) -> range:
-        """See `RunLog.generations`."""
         return range(self._with_pieces(self._ending.sound)[0] + 1)
 
     @property
     def damaged(self) -> tuple[Path, ...]:
-        """See `RunLog.damaged`."""
         return self._with_pieces(self._ending.sound)[1]
+
+    @property
+    def missing(self) -> tuple[Path, ...]:
+        return self._with_pieces(lambda: self._ending.missing)
+
+    @property
+    def chain(self) -> str | None:
+        """The checksum of the last event before the last generation, if its file has it."""
+        return self._with_pieces(self._ending.chain)
 
     def table(self, kind: str, generation: int | None, columns: Sequence[str] | None) -> pa.Table:
         """Return the rows of a ``kind`` in one generation, or in all; all ``columns`` if None."""
         whole = self.generations
         if generation is not None and generation not in whole:
             raise RunError(
-                f"{self._path}: no generation {generation}",
-                f"one of 0…{len(whole) - 1}" if whole else "a run with a whole generation",
-                "see `evocity status`",
+                f"{self._path} has no generation {generation}",
+                f"a generation from 0 to {len(whole) - 1}"
+                if whole
+                else "a run with a complete generation",
+                f"list the generations with `evocity status {self._path}`",
             )
-        return self._joined(kind, whole if generation is None else [generation], columns)
-
-    def _joined(self, kind: str, whole: Sequence[int], columns: Sequence[str] | None) -> pa.Table:
-        """`table` of consecutive generations."""
+        whole = whole if generation is None else range(generation, generation + 1)
 
         def read() -> list[pa.Table]:
             tables = []
@@ -145,8 +255,8 @@ class LogFiles:
         if not tables:
             raise RunError(
                 f"{self._path} has no whole generation yet",
-                "at least one whole generation",
-                "wait for the first generation to end",
+                "a run with at least one complete generation",
+                "wait until the first generation ends",
             )
         with self._readable(self._path):
             plain = [table.replace_schema_metadata(None) for table in tables]
@@ -167,17 +277,18 @@ class LogFiles:
                         yield table
         if missing:
             raise RunError(
-                f"{self._path}: no individual {next(iter(missing))}",
-                f"an id from 0 to {largest}" if largest >= 0 else "a run with a whole generation",
+                f"{self._path} has no individual {next(iter(missing))}",
+                f"an id from 0 to {largest}"
+                if largest >= 0
+                else "a run with a complete generation",
                 self.where_ids_are,
             )
 
     def _rows_near(
         self, near: Collection[int] | None, missing: dict[int, None], columns: Sequence[str]
     ) -> Iterator[tuple[pa.Table | None, int]]:
-        """For each generation in the files ``near``, or in all files: the rows of ``missing``
-        births, which it removes from there, or None, and its largest id. Each file is opened
-        once."""
+        """For each generation in the files ``near``, or in all: the rows of ``missing`` births, or
+        None, and its largest id. Births that it yields are no longer ``missing``."""
         for attempt in range(_ATTEMPTS):
             try:
                 with self._readable(self._path, gone_is_damage=attempt == _ATTEMPTS - 1):
@@ -209,8 +320,8 @@ class LogFiles:
         for identifier in ids:
             if not isinstance(identifier, Integral) or isinstance(identifier, bool):
                 raise RunError(
-                    f"{self._path}: individual {identifier!r}",
-                    "a whole number, the id of a birth",
+                    f"{self._path} has no individual {identifier!r}",
+                    "the id of a birth, which is a whole number",
                     self.where_ids_are,
                 )
 
@@ -220,7 +331,7 @@ class LogFiles:
         def read() -> dict[int, dict]:
             whole = self.generations if generation is None else [generation]
             files = [
-                self._summaries(piece.path)
+                self._summaries(piece)
                 for piece in self._folder.pieces(MEMBERSHIP)
                 if whole and piece.first <= whole[-1] and whole[0] <= piece.last
             ]
@@ -233,11 +344,16 @@ class LogFiles:
     def where_ids_are(self) -> str:
         """The remedy for a wrong id."""
         status = f"`evocity status {self._path}`"
-        return f"take one from {status}, the report, or the births' `id` column"
+        return f"take an id from {status}, from the report, or from the births' column `id`"
 
-    def _summaries(self, path: Path) -> dict[int, dict]:
-        with self._readable(path, gone_is_damage=False), open_sealed(path) as file:
-            return summaries_of(file.metadata.metadata)
+    def _summaries(self, piece: Piece) -> dict[int, dict]:
+        with (
+            self._readable(piece.path, gone_is_damage=False),
+            self._folder.directory.open(piece.path) as file,
+            open_sealed(file) as opened,
+        ):
+            check_label(file, piece)
+            return summaries_of(opened.metadata.metadata)
 
     def _with_pieces(self, read: Callable):
         for attempt in range(_ATTEMPTS):
@@ -271,5 +387,5 @@ def readable(
             raise
         if what.parent.name in KINDS:
             raise changed_error(what, provenance or {}, error) from error
-        remedy = "bring the folder back from a copy, or start the run again"
+        remedy = "restore the folder from a backup, or start the run again"
         raise damage_error(what, error, remedy) from error

@@ -6,12 +6,13 @@ from collections.abc import Iterator, Mapping
 from itertools import pairwise
 
 import pyarrow as pa
+import pyarrow.parquet as pq
 
 from evocity.errors import RunError
-from evocity.files import whole_file
 from evocity.store.checksums import open_sealed, write_sealed
+from evocity.store.label import Label, check_label, label_for
 from evocity.store.layout import BIRTHS, MEMBERSHIP, SPANS, Folder, Piece
-from evocity.store.safe_open import read_json
+from evocity.store.run_directory import RunDirectory
 from evocity.store.schema import ABOUT_GENERATIONS, ABOUT_RUN
 
 KINDS = (BIRTHS, MEMBERSHIP)
@@ -19,16 +20,17 @@ KINDS = (BIRTHS, MEMBERSHIP)
 MOST_BYTES = 1 << 28
 
 
-def write_single(table, path) -> None:
-    """Write one generation as one row group; the file appears whole or not at all."""
-    with whole_file(path) as temporary, write_sealed(temporary, table.schema) as writer:
+def write_single(directory: RunDirectory, table, path, chain: str | None = None) -> None:
+    """Write one generation as one row group; the file appears whole or not at all. ``chain``: the
+    checksum of the last event before it."""
+    about = label_for(path, chain)
+    with directory.write(path) as file, write_sealed(file, table.schema, about) as writer:
         writer.write_table(table, row_group_size=max(len(table), 1))
 
 
 def merge(folder: Folder) -> None:
-    """Merge every full block of single files, then of segments, into a segment of the next of
-    `SPANS` generations, and delete the merged files. A block of more than `MOST_BYTES` of segments
-    stays.
+    """Merge every full block of single files, then of segments of at most `MOST_BYTES`, into a
+    segment of the next of `SPANS` generations, and delete the merged files.
 
     Memory holds one generation at a time. A crash at any point is harmless: readers prefer the
     longest segment, and the next call deletes the leftovers.
@@ -40,24 +42,23 @@ def merge(folder: Folder) -> None:
             for first in sorted({part - part % span for part in parts}):
                 block = [parts.get(g) for g in range(first, first + span, below)]
                 target = folder.segment(kind, first, first + span - 1)
-                if all(block) and not target.exists() and _fit(block):
-                    _write_segment(block, target)
+                if all(block) and not folder.directory.exists(target) and _fit(folder, block):
+                    _write_segment(folder.directory, block, target)
         whole = folder.pieces(kind)
         for piece in folder.files(kind):
             if piece not in whole:
-                _remove(piece.path)
+                _remove(folder, piece.path)
 
 
-def _fit(block: list[Piece]) -> bool:
+def _fit(folder: Folder, block: list[Piece]) -> bool:
     if block[0].first == block[0].last:
         return True
-    return sum(piece.path.stat().st_size for piece in block) <= MOST_BYTES
+    return sum(folder.directory.stat(piece.path).st_size for piece in block) <= MOST_BYTES
 
 
 def drop_leftovers(folder: Folder, last: int) -> None:
-    """Delete the generation that a crash cut short after ``last``, the last whole one, and
-    unfinished files. If more generations follow, a file was lost: raises `RunError`, and deletes
-    nothing."""
+    """Delete unfinished files, and the generation that a crash cut short after ``last``, the last
+    whole one. Raises `RunError`, and deletes nothing, if more generations follow."""
     beyond = {kind: [p for p in folder.files(kind) if p.last > last] for kind in KINDS}
     after = max((piece.last for pieces in beyond.values() for piece in pieces), default=last)
     if after > last + 1:
@@ -70,35 +71,37 @@ def drop_leftovers(folder: Folder, last: int) -> None:
             f"{folder.root}: {' and '.join(map(str, lost))} is missing, but later generations "
             f"up to {after} are there",
             "the births and the membership of every generation, without a gap",
-            "bring the file back from a copy; to breed those generations again instead, take "
-            "the later files out of births/ and membership/",
+            "restore the missing file from a backup; or set the later files aside, and breed their "
+            f"generations again: evocity resume {folder.root} --set-aside",
         )
     for pieces in beyond.values():
         for piece in pieces:
             if piece.first > last:
-                _remove(piece.path)
+                _remove(folder, piece.path)
     for path in folder.unfinished():
-        _remove(path)
+        _remove(folder, path)
 
 
-def _write_segment(block: list[Piece], target) -> None:
+def _write_segment(directory: RunDirectory, block: list[Piece], target) -> None:
     summaries: dict = {}
-    with _damage_raised(block[0]), open_sealed(block[0].path) as file:
+    with _opened(directory, block[0]) as (file, _):
         schema = file.schema_arrow
+    with _opened(directory, block[-1]) as (_, label):
+        about = label_for(target, None if label is None else label.chain)
     shared = schema.with_metadata({ABOUT_RUN: schema.metadata[ABOUT_RUN]})
-    with whole_file(target) as temporary, write_sealed(temporary, shared) as writer:
+    with directory.write(target) as file, write_sealed(file, shared, about) as writer:
         for piece in block:
-            for table, about in _generations(piece):
-                summaries |= about
+            for table, more in generations_in(directory, piece):
+                summaries |= more
                 writer.write_table(table, row_group_size=max(len(table), 1))
         if summaries:
             writer.add_key_value_metadata({ABOUT_GENERATIONS: json.dumps(summaries)})
 
 
-def _generations(piece: Piece) -> Iterator[tuple[pa.Table, dict]]:
-    """The row groups of a file to be merged, with its summaries. Raises `RunError` if it is
-    damaged: then nothing is merged."""
-    with _damage_raised(piece), open_sealed(piece.path) as file:
+def generations_in(directory: RunDirectory, piece: Piece) -> Iterator[tuple[pa.Table, dict]]:
+    """Read the generations of a file in turn, each with all summaries of the file. Raises
+    `RunError` if the file is damaged."""
+    with _opened(directory, piece) as (file, _):
         about = json.loads(file.metadata.metadata.get(ABOUT_GENERATIONS, b"{}"))
         if piece.first == piece.last:  # without rows it has no row group
             yield file.read(), about
@@ -110,9 +113,10 @@ def _generations(piece: Piece) -> Iterator[tuple[pa.Table, dict]]:
 
 
 @contextlib.contextmanager
-def _damage_raised(piece: Piece) -> Iterator[None]:
+def _opened(directory: RunDirectory, piece: Piece) -> Iterator[tuple[pq.ParquetFile, Label | None]]:
     try:
-        yield
+        with directory.open(piece.path) as file, open_sealed(file) as opened:
+            yield opened, check_label(file, piece)
     except (ValueError, pa.ArrowException) as error:
         raise damage_error(piece.path, error) from error
 
@@ -124,8 +128,8 @@ def damage_error(path, error: Exception, remedy: str | None = None) -> RunError:
         f"{path} is damaged or not part of a run ({type(error).__name__}: {reason})",
         "a run folder as `evocity run` writes it",
         remedy
-        or "bring the file back from a copy; or put it and the files after it aside, and breed "
-        f"those generations again: evocity resume {path.parent.parent} --set-aside",
+        or "restore the file from a backup; or set the damaged files aside, so that the run breeds "
+        f"their generations again: evocity resume {path.parent.parent} --set-aside",
     )
 
 
@@ -134,16 +138,17 @@ def changed_error(path, provenance: Mapping, error: Exception) -> RunError:
     was rewritten since then, which is no damage."""
     root = path.parent.parent
     with contextlib.suppress(OSError, ValueError, LookupError, TypeError, RunError):
-        if read_json(Folder(root).provenance)["header"] != provenance["header"]:
+        folder = Folder(root)
+        if folder.directory.read_json(folder.provenance)["header"] != provenance["header"]:
             return RunError(
-                f"{root} has other measures than when it was opened",
-                "a run that was opened after its log was rewritten",
+                f"the measures of {root} have changed since the run was opened",
+                "a run that was opened after its last change",
                 "open the run again: evocity.open_run(path)",
             )
     return damage_error(path, error)
 
 
-def _remove(path) -> None:
+def _remove(folder: Folder, path) -> None:
     # A reader on Windows may hold the file open; a later merge deletes it.
     with contextlib.suppress(PermissionError):
-        path.unlink(missing_ok=True)
+        folder.directory.remove(path)

@@ -16,8 +16,7 @@ def completed(
     rebreed: Callable[..., Genome] | None,
 ) -> dict[int, Birth]:
     """Return the ``births`` of a ``run``, by id, with all genomes. ``read`` reads others by id;
-    ``rebreed`` breeds one from its parents' genomes, by the run's header and condensation; None
-    where the run was opened without.
+    ``rebreed`` breeds one from its parents' genomes, by the run's header and condensation.
 
     Raises ValueError and LookupError for a damaged log; `RunError` if a genome cannot be bred here,
     or differs from the logged hash.
@@ -43,13 +42,12 @@ def completed(
 
 
 def _bred_again(run, birth: Birth, parents: Sequence[Genome], rebreed) -> Genome:
-    """The genome of a ``birth`` that the log leaves out, if its hash is the logged one."""
     what = f"{run.path}: individual {birth.id}, whose genome the log leaves out"
     if rebreed is None:
         raise RunError(
             what,
-            "a run that can breed it again",
-            "open it by evocity.open_run(path)",
+            "a run that can breed the genome again",
+            "open the run with evocity.open_run(path)",
         )
     with_it = ", ".join(
         f"{name} {version}"
@@ -61,15 +59,15 @@ def _bred_again(run, birth: Birth, parents: Sequence[Genome], rebreed) -> Genome
     except Exception as error:  # of another package's operator too
         raise RunError(
             f"{what}, cannot be bred again ({describe_error(error).splitlines()[0][:300]})",
-            f"its operator, {birth.operator}, as it was in the run ({with_it})",
-            "install the versions that bred the run; if they are the same, the folder is damaged: "
-            "bring it back from a copy",
+            f"the operator {birth.operator} as it was in the run ({with_it})",
+            "install the versions that bred the run; if these versions are installed, the run "
+            "folder is damaged: restore the folder from a backup",
         ) from error
     if genome.digest != birth.digest:
         raise RunError(
             f"{what}, differs when {birth.operator} breeds it again",
-            f"the genome of hash {birth.digest}, as the run bred it ({with_it})",
-            "open the run with these versions, on a similar machine; if they are the same, the "
-            "folder is damaged: bring it back from a copy",
+            f"the genome with the hash {birth.digest}, as the run bred it ({with_it})",
+            "open the run with these versions on a similar machine; if these versions give this "
+            "error, the run folder is damaged: restore the folder from a backup",
         )
     return genome

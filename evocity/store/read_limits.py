@@ -32,8 +32,7 @@ def check_bounds(
     about: pq.FileMetaData, header: Header, groups: Sequence[int], columns: Sequence[str] | None
 ) -> None:
     """Raise ValueError where a file's metadata states more than a run writes, in the row ``groups``
-    and ``columns`` to be read, all if None. Texts of errors, which older releases wrote at any
-    length, are not checked: see `read_bounded`."""
+    and ``columns`` to be read, all if None; texts of errors are not checked."""
     if about.num_row_groups > MOST_GROUPS:
         raise ValueError(f"{about.num_row_groups} row groups")
     # thousands of groups: what is the same for all of them is read once
@@ -68,8 +67,8 @@ def read_bounded(
     places: np.ndarray | None = None,
 ) -> pa.Table:
     """Read the ``columns``, all if None, of some row groups of a ``file``; only of the rows at
-    ``places``, ascending, if given. Texts of errors, which the file holds in dictionaries, are cut
-    to `LONGEST_ERROR` letters; more than `MOST_TEXT` bytes of them are replaced by their size."""
+    ``places``, ascending, if given. Texts of errors are cut to `LONGEST_ERROR` letters; more than
+    `MOST_TEXT` bytes of them are replaced by their size."""
     if kind != BIRTHS or (columns is not None and ERROR not in columns):
         return _read(file, groups, columns, places)
     others = [name for name in columns or file.schema_arrow.names if name != ERROR]
@@ -121,9 +120,8 @@ def _rows(file: pq.ParquetFile, groups: Sequence[int], columns: Sequence[str] | 
 
 
 def read_through(file: pq.ParquetFile, group: int) -> None:
-    """Read a row group, one column after the other, and keep none: damage raises. Texts of more
-    than `MOST_TEXT` bytes, and other bytes of more than `MOST_FIXED`, are left out. Raises
-    ValueError for more than `MOST_ROWS`, and for more values in a column than births can have."""
+    """Read a row group, one column after the other, without those that are too large, and keep
+    none: damage raises. Raises ValueError for more rows or values than births can have."""
     about = file.metadata.row_group(group)
     if about.num_rows > MOST_ROWS:
         raise ValueError(f"{about.num_rows} rows in one generation")
@@ -148,7 +146,6 @@ def read_through(file: pq.ParquetFile, group: int) -> None:
 
 
 def _errors(file: pq.ParquetFile, group: int) -> Iterator[pa.Array]:
-    """The errors of one row group, cut short."""
     about = file.metadata.row_group(group)
     columns = map(about.column, range(about.num_columns))
     column = next(one for one in columns if one.path_in_schema == ERROR)

@@ -21,9 +21,8 @@ class Reconstruction:
 
     settings : the parameters of its operator, a JSON object.
     generator : the state of its generator before it was bred, see `state_of`.
-    breedings : how many births are bred to get a genome that is left out, 1 up to `MOST_BREEDINGS`;
-        a
-        common ancestor of both parents counts twice. 0 where the genome is kept.
+    breedings : how many births are bred to get a genome that is left out, at most `MOST_BREEDINGS`;
+        a common ancestor of both parents counts twice. 0 where the genome is kept.
     digest : of the genome that is left out.
     """
 

@@ -12,8 +12,6 @@ search that resumes a run calls it, unless it resumes the same change.
 
 import contextlib
 import json
-import os
-import shutil
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
 from copy import copy
@@ -21,13 +19,12 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from evocity.files import flush_folder, whole_file
 from evocity.store.layout import BIRTHS, MEMBERSHIP, REWRITTEN, SEGMENT, Folder
 from evocity.store.log import LogFiles
 from evocity.store.membership import Member, membership_table
 from evocity.store.merge import KINDS, drop_leftovers, merge, write_single
+from evocity.store.run_directory import RunDirectory
 from evocity.store.run_log import RunLog
-from evocity.store.safe_open import plain_folder, read_json
 from evocity.store.schema import Header, births_schema
 
 # Describes a rewritten log, in its folder.
@@ -41,7 +38,8 @@ class LogRewrite:
     generation.
 
     ``about``: plain JSON values on which its numbers depend. An unfinished log with the same values
-    is continued. ``explained``: a context that explains OSErrors.
+    is continued. ``directory``: the run folder. ``explained``: a context that explains OSErrors.
+    ``chain``: the checksum of the last event of the run.
 
     run : the part that is rewritten already.
     """
@@ -51,10 +49,12 @@ class LogRewrite:
         run: RunLog,
         header: Header,
         about: Mapping,
+        directory: RunDirectory,
         explained: Callable[[], AbstractContextManager],
+        chain: str,
     ):
-        self.header, self._explained = header, explained
-        self._folder = Folder(Path(run.path).absolute(), header.recipe_hash)
+        self.header, self._explained, self._chain = header, explained, chain
+        self._folder = Folder(directory, header.recipe_hash)
         with explained():
             self._begin(json.loads(json.dumps({"header": header.to_json(), **about})))
         self.run = copy(run)
@@ -64,16 +64,15 @@ class LogRewrite:
             drop_leftovers(self._folder, len(self.run.generations) - 1)
 
     def _begin(self, about: Mapping) -> None:
-        room = self._folder.rewritten
-        if os.path.lexists(room) and not _is_for(room, about):
-            _delete(room)
-        if not os.path.lexists(room):
-            room.mkdir()
-            with whole_file(room / _ABOUT) as temporary:
-                temporary.write_text(json.dumps(about), encoding="utf-8")
+        room, directory = self._folder.rewritten, self._folder.directory
+        if directory.exists(room) and not _is_for(directory, room, about):
+            _delete(directory, room)
+        if not directory.exists(room):
+            directory.make_folder(room)
+            directory.write_bytes(room / _ABOUT, json.dumps(about).encode())
         for kind in KINDS:
-            (room / kind).mkdir(exist_ok=True)
-        flush_folder(room)
+            directory.make_folder(room / kind, exist_ok=True)
+        directory.flush(room)
 
     def write(
         self, generation: int, births: pa.Table, members: Iterable[Member], summary: Mapping
@@ -83,45 +82,48 @@ class LogRewrite:
         table = births.select(schema.names).cast(schema).replace_schema_metadata(schema.metadata)
         living = membership_table(generation, members, summary, self.header)
         with self._explained():
-            write_single(table, self._folder.single(BIRTHS, generation))
-            write_single(living, self._folder.single(MEMBERSHIP, generation))
+            directory = self._folder.directory
+            write_single(directory, table, self._folder.single(BIRTHS, generation))
+            place = self._folder.single(MEMBERSHIP, generation)
+            write_single(directory, living, place, self._chain)
             if (generation + 1) % SEGMENT == 0:
                 merge(self._folder)
 
 
 def finish(folder: Folder) -> None:
     """Move the rewritten log to the place of the old one, and delete that."""
-    room = folder.rewritten
-    if room is None or not os.path.lexists(room):
+    room, directory = folder.rewritten, folder.directory
+    if room is None or not directory.exists(room):
         return
-    plain_folder(room)
+    directory.check_folder(room)
     with contextlib.suppress(PermissionError):  # a reader on Windows: a later call finishes
         for kind in KINDS:
-            if os.path.lexists(room / kind):
-                if os.path.lexists(folder.root / kind):
-                    plain_folder(folder.root / kind).rename(room / f"{_OLD}{kind}")
-                (room / kind).rename(folder.root / kind)
-        flush_folder(folder.root)
-        _delete(room)
+            if directory.exists(room / kind):
+                if directory.exists(kind):
+                    directory.rename(kind, room / f"{_OLD}{kind}")
+                directory.rename(room / kind, kind)
+        directory.flush()
+        _delete(directory, room)
 
 
 def drop(folder: Folder, but: str | None = None) -> None:
     """Delete the unfinished logs that provenance does not name, ``but`` that of this recipe's
     hash."""
-    for room in folder.root.iterdir():
+    for name in folder.directory.entries():
+        room = folder.root / name
         named = Folder(folder.root, room.name.removeprefix(REWRITTEN)).rewritten
         if named == room and room != folder.rewritten and room.name != f"{REWRITTEN}{but}":
-            _delete(room)
+            _delete(folder.directory, room)
 
 
-def _is_for(room: Path, about: Mapping) -> bool:
+def _is_for(directory: RunDirectory, room: Path, about: Mapping) -> bool:
     try:
-        return read_json(plain_folder(room) / _ABOUT) == about
+        return directory.read_json(room / _ABOUT) == about
     except (OSError, ValueError):
         return False
 
 
-def _delete(room: Path) -> None:
+def _delete(directory: RunDirectory, room: Path) -> None:
     """The description goes first, so that no half of a log is taken for the whole."""
-    (plain_folder(room) / _ABOUT).unlink(missing_ok=True)
-    shutil.rmtree(room)
+    directory.remove(room / _ABOUT)
+    directory.remove_folder(room)

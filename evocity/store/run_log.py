@@ -4,7 +4,6 @@ import json
 import os
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from numbers import Integral
 from pathlib import Path
 from typing import ClassVar
 
@@ -21,9 +20,11 @@ from evocity.store.events import TURNS, read_events
 from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder
 from evocity.store.log import LogFiles, readable
 from evocity.store.omitted_genomes import completed
-from evocity.store.safe_open import read_bytes, read_json
+from evocity.store.provenance import check_parts, read_provenance
+from evocity.store.run_directory import RunDirectory
 from evocity.store.schema import Birth, Header, births_of, check_version
 from evocity.store.sources import Source, read_condensation, read_maps, read_masks, read_sources
+from evocity.store.unverified import unverified_parts
 
 
 class RunLog:
@@ -40,7 +41,7 @@ class RunLog:
     def __init__(self, path: str | os.PathLike):
         self.path = Path(path)
         self._folder = Folder(self.path)
-        if not os.path.lexists(self._folder.provenance):
+        if not self._directory.exists(self._folder.provenance):
             inside = self.path.glob("*/provenance.json") if os.path.isdir(self.path) else ()
             within = sorted(str(path.parent) for path in inside)
             beside = [path.parent for path in self.path.parent.glob("*/provenance.json")]
@@ -53,7 +54,8 @@ class RunLog:
                 else near or "check the name, or start a run: evocity run RECIPE --out FOLDER",
             )
         with readable(self._folder.provenance):
-            self.provenance: dict = read_json(self._folder.provenance)
+            self.provenance: dict = read_provenance(self._directory, self._folder.provenance)
+            check_parts(self.provenance)
             check_version(self.provenance["schema_version"], self.path)
             self.header = Header.from_json(json.dumps(self.provenance["header"]), self.path)
         self._folder = Folder(self.path, self.header.recipe_hash)
@@ -61,6 +63,10 @@ class RunLog:
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({str(self.path)!r}, {len(self.generations)} generations)"
+
+    @property
+    def _directory(self) -> RunDirectory:
+        return self._folder.directory
 
     @property
     def name(self) -> str:
@@ -71,15 +77,15 @@ class RunLog:
     def recipe_text(self) -> str:
         """The recipe, as given."""
         with readable(self._folder.recipe):
-            return read_bytes(self._folder.recipe).decode()
+            return self._directory.read(self._folder.recipe).decode()
 
     def earlier_recipe(self, number: int) -> str | None:
         """Return the recipe before its ``number``-th replacement, from 1; None without one."""
         path = self.path / f"recipe-{number}.toml"
-        if not os.path.lexists(path):
+        if not self._directory.exists(path):
             return None
         with readable(path):
-            return read_bytes(path).decode()
+            return self._directory.read(path).decode()
 
     @cached_property
     def condensation(self) -> Condensation | None:
@@ -87,7 +93,7 @@ class RunLog:
         if self.header.locked is None:
             return None
         with readable(self._folder.locked):
-            return read_condensation(self._folder.locked, self.header.locked)
+            return read_condensation(self._directory, self.header.locked)
 
     @property
     def written(self) -> range:
@@ -104,6 +110,12 @@ class RunLog:
     def damaged(self) -> tuple[Path, ...]:
         """The damaged files at the end of births and membership, and all that follow them."""
         return self._log.damaged
+
+    @property
+    def missing(self) -> tuple[Path, ...]:
+        """Files that are missing though later generations are there; a run in progress may seem to
+        lack one for a moment."""
+        return self._log.missing
 
     def births(
         self, generation: int | None = None, columns: Sequence[str] | None = None
@@ -174,8 +186,8 @@ class RunLog:
         if genome is None:
             raise RunError(
                 f"{self.path}: individual {identifier} has no genome: its breeding failed",
-                "an individual that was bred",
-                "choose an individual whose `genome` is not empty",
+                "an individual whose breeding succeeded",
+                "choose an individual with a value in the births' column `genome`",
             )
         return genome
 
@@ -191,8 +203,8 @@ class RunLog:
             if genome is None:
                 raise RunError(
                     f"{self.path}: individual {identifier}, a parent of others, has no genome",
-                    "parents that were bred",
-                    "bring the folder back from a copy",
+                    "a genome for each parent of a birth",
+                    "restore the folder from a backup",
                 )
         return [tuple(genomes[one] for one in b.parents) or (b.genome,) for b in births]
 
@@ -206,13 +218,13 @@ class RunLog:
         own = ["generation", "id", "parents", "operator", "status", *measures]
         columns = own if columns is None else self._known(columns)
         births = self.births(columns=list(dict.fromkeys(["id", "parents", *columns])))
-        whole = isinstance(identifier, Integral) and not isinstance(identifier, bool)
+        self._log.check_ids([identifier])
         with readable(self.path):
-            kept = ancestry(births, int(identifier)) if whole else None
+            kept = ancestry(births, int(identifier))
         if kept is None:
             raise RunError(
-                f"{self.path}: no individual {identifier!r}",
-                f"an id of a birth in generations 0…{len(self.generations) - 1}",
+                f"{self.path} has no individual {identifier!r}",
+                f"the id of a birth in the generations 0…{len(self.generations) - 1}",
                 self._log.where_ids_are,
             )
         births = births.filter(column_of(kept))
@@ -222,35 +234,25 @@ class RunLog:
 
     def sources(self) -> list[Source]:
         """Return the source cities, maps and genomes."""
-        with readable(self._folder.sources):
-            self._check_digests(self._folder.sources)
-            return read_sources(self._folder.sources, self.header.chromosome)
+        kind = self.header.chromosome
+        return self._read("sources", lambda *place: read_sources(*place, kind), False)
 
     def references(self) -> list[CityMap]:
         """Return the maps of the reference cities of measures, other than the sources."""
-        if not self._folder.references.exists():
-            return []
-        with readable(self._folder.references):
-            self._check_digests(self._folder.references)
-            return read_maps(self._folder.references)
+        return self._read("references", read_maps)
 
     def parts(self) -> list[np.ndarray]:
         """Return the parts of the map that measures take, bool ``(H, W)`` each, in the order of
         ``provenance["within"]``; none in most runs."""
-        if not self._folder.within.exists():
-            return []
-        with readable(self._folder.within):
-            self._check_digests(self._folder.within)
-            masks = read_masks(self._folder.within)
-            for mask in masks:
-                if mask.shape != (self.header.height, self.header.width):
-                    raise ValueError(f"a part of shape {mask.shape}")
-            return masks
+        shape = self.header.height, self.header.width
+        return self._read("within", lambda *place: read_masks(*place, shape))
 
     def events(self) -> list[dict]:
-        """Return the events of the run, oldest first; each has ``time`` and ``event``."""
+        """Return the events of the run, oldest first; each has ``time`` and ``event``. Raises
+        `RunError` if one was changed, or is missing though a generation came after it."""
+        sealed = self._log.chain  # the run may go on
         with readable(self._folder.events):
-            return read_events(self._folder.events)
+            return read_events(self._directory, sealed)
 
     def history(self) -> list[dict]:
         """Return a summary per generation: births and failures so far, hypervolume, best, …"""
@@ -285,15 +287,26 @@ class RunLog:
             "stopped": str(last.get("reason", "")) if last.get("event") == "stop" else None,
         }
 
-    def _check_digests(self, place: Path) -> None:
-        check_digests(self.path, place, dict(self.provenance.get("files", {})))
+    def unverified(self) -> list[str]:
+        """Describe the parts of the run that have no checksums, since an older release wrote
+        them."""
+        with readable(self.path):
+            return unverified_parts(self._folder, self.provenance)
+
+    def _read(
+        self, place: str, read: Callable[[RunDirectory, str], list], optional: bool = True
+    ) -> list:
+        if optional and not self._directory.exists(place):
+            return []
+        with readable(self.path / place):
+            check_digests(self._directory, place, dict(self.provenance.get("files", {})))
+            return read(self._directory, place)
 
     def _known(self, columns: Sequence[str]) -> list[str]:
-        """``columns`` as a list; raises `RunError` for an unknown column."""
         known = self._log.columns
         if isinstance(columns, str):
             raise RunError(
-                f"{self.path}: columns = {columns!r}",
+                f"{self.path}: columns = {columns!r} is a text",
                 "a list of column names",
                 f"write columns=[{columns!r}]",
             )
@@ -301,7 +314,7 @@ class RunLog:
         if strange:
             raise RunError(
                 f"{self.path}: births have no column {', '.join(map(repr, strange))}",
-                f"some of {', '.join(known)}",
+                f"columns among {', '.join(known)}",
                 _suggestion(str(strange[0]), known) or "choose from these columns",
             )
         return list(columns)

@@ -65,6 +65,8 @@ def _no_column(names: tuple[str, ...]) -> tuple[str, ...]:
 
 #: Marks of the living in runs whose header names none.
 CROWDING = ("crowding",)
+# The first version that has each part of a header, unless the part has its default.
+_SINCE = {"recorded": 4, "marks": 5, "figures": 6, "islands": 7, "genomes": 8, "thumbnails": 10}
 
 _Side = Annotated[int, Field(ge=1, le=MAX_PIXELS)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -117,19 +119,12 @@ class Header:
     @property
     def schema_version(self) -> int:
         """The oldest version of the layout that has all of its parts."""
-        if self.block is None:
-            if self.thumbnails is not None:
-                return 10
-            if self.kind != "fabric":
-                return 9
-            if self.genomes != "all":
-                return 8
-            if self.islands:
-                return 7
-            if self.figures:
-                return 6
-            return 5 if self.marks != CROWDING else 4 if self.recorded else 3
-        return 1 if self.locked is None else 2
+        if self.block is not None:
+            return 1 if self.locked is None else 2
+        since = {**_SINCE, "kind": 9}
+        return max(
+            [since[key] for key in since if getattr(self, key) != getattr(Header, key)] + [3]
+        )
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -147,10 +142,7 @@ class Header:
             del about["locked"]
         version = self.schema_version
         newer = ("block",) if version > 2 else ("kind", "settle")
-        later = {"recorded": 4, "marks": 5, "figures": 6, "islands": 7, "genomes": 8}
-        later["thumbnails"] = 10
-        newer += tuple(name for name, since in later.items() if version < since)
-        for name in newer:
+        for name in (*newer, *(key for key, since in _SINCE.items() if version < since)):
             del about[name]
         about["sigma_max"] = None if np.isinf(self.sigma_max) else self.sigma_max
         return json.dumps(about)
@@ -170,8 +162,7 @@ class Header:
         if set(header.measures) & set(header.recorded):
             raise ValueError(f"measured and recorded: {header.recorded}")
         if version != header.schema_version:
-            parts = ("recorded", "marks", "figures", "islands", "genomes", "thumbnails")
-            stated = ", ".join(f"{name} = {getattr(header, name)}" for name in parts)
+            stated = ", ".join(f"{name} = {getattr(header, name)}" for name in _SINCE)
             raise ValueError(f"schema version {version} with {stated}")
         if header.thumbnails is not None:
             shape = header.thumbnails.shape(header.height, header.width)
@@ -333,13 +324,6 @@ def births_table(births: Sequence[Birth], header: Header) -> pa.Table:
     return pa.table(arrays, schema=schema)
 
 
-def genome_of(row: Mapping, header: Header, condensation: Condensation | None = None) -> Genome:
-    """Return the genome in one row (column -> Arrow scalar) of a births table, which does not
-    repeat the run's ``condensation``."""
-    made = dict(from_json(row["made"].as_py()))
-    return header.chromosome.genome(row, header, condensation, made)
-
-
 _PLAIN = ("generation", "id", "operator", "status", "error", "seconds", "feasible")
 
 
@@ -352,8 +336,9 @@ def births_of(
         row = {name: table.column(name)[index] for name in table.column_names}
         values = {name: row[f"fitness.{name}"].as_py() for name in header.columns}
         plan, genome = reconstruction_in(row, header), None
+        made = dict(from_json(row["made"].as_py()))
         if plan is None and row["genome"].is_valid:
-            genome = genome_of(row, header, condensation)
+            genome = header.chromosome.genome(row, header, condensation, dict(made))
         if genome is not None and genome.digest != row["genome"].as_py():
             raise ValueError(f"the genome of individual {row['id']} is not the one that was bred")
         if row["status"].as_py() == "ok":
@@ -365,7 +350,7 @@ def births_of(
                 values={name: value for name, value in values.items() if value is not None},
                 genome=genome,
                 island=row["island"].as_py() if header.islands else None,
-                made=dict(from_json(row["made"].as_py())),
+                made=made,
                 reconstruction=plan,
             )
         )
@@ -384,7 +369,7 @@ def check_version(version, path) -> None:
     if version not in SCHEMA_VERSIONS:
         raise RunError(
             f"{path} has run schema version {version}",
-            f"version {' or '.join(map(str, SCHEMA_VERSIONS))}",
+            f"a run schema version from {SCHEMA_VERSIONS[0]} to {SCHEMA_VERSIONS[-1]}",
             "read the run with the release of evocity that wrote it",
         )
 

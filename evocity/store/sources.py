@@ -5,6 +5,7 @@ import json
 import math
 import os
 import re
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -15,13 +16,14 @@ from pydantic import BaseModel, ConfigDict
 from evocity.citymap import CityMap
 from evocity.condensation import Condensation
 from evocity.errors import RunError
-from evocity.files import whole_file
 from evocity.genome import Genome
 from evocity.kinds import Kind
-from evocity.store.safe_open import open_to_read, plain_file, plain_folder, read_bytes
+from evocity.store.run_directory import RunDirectory
 
 #: The folder of the user's own measures in a run.
 MEASURES_FOLDER = "fitness"
+#: The folder of the source cities, and the file of locked heights.
+SOURCES, LOCKED = "sources", "sources/locked.npy"
 _MASK = re.compile(r"(\d{2,3})\.npy", re.ASCII)
 _DESCRIBED = re.compile(r"(\d{2,3})-[A-Za-z0-9_-]*\.json", re.ASCII)
 
@@ -51,15 +53,20 @@ class _About(BaseModel):
     height_rules: dict[str, int]
 
 
-def write_sources(folder: Path, sources: Sequence[Source]) -> None:
+def write_sources(directory: RunDirectory, sources: Sequence[Source]) -> None:
     """Write the maps, see `write_maps`, and the genome of each source (Parquet)."""
-    for index, source in enumerate(sources):
-        source.genome.write(folder / f"{_stem(index, source.city)}.genome.parquet")
-    write_maps(folder, [source.city for source in sources])
+    directory.make_folder(SOURCES, exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder:  # writers of genomes take a path
+        for index, source in enumerate(sources):
+            name = f"{_stem(index, source.city)}.genome.parquet"
+            source.genome.write(Path(folder, name))
+            directory.write_bytes(f"{SOURCES}/{name}", Path(folder, name).read_bytes())
+    write_maps(directory, SOURCES, [source.city for source in sources])
 
 
-def write_maps(folder: Path, cities: Sequence[CityMap]) -> None:
-    """Write two files per city: heights (NPY) and their description (JSON)."""
+def write_maps(directory: RunDirectory, folder: str, cities: Sequence[CityMap]) -> None:
+    """Write two files per city into a ``folder``: heights (NPY) and their description (JSON)."""
+    directory.make_folder(folder, exist_ok=True)
     for index, city in enumerate(cities):
         stem = _stem(index, city)
         about = {
@@ -70,69 +77,72 @@ def write_maps(folder: Path, cities: Sequence[CityMap]) -> None:
             "crs": city.crs,
             "height_rules": city.height_rules,
         }
-        with whole_file(folder / f"{stem}.npy") as temporary:
-            np.save(temporary, city.heights, allow_pickle=False)
-        with whole_file(folder / f"{stem}.json") as temporary:
-            temporary.write_text(json.dumps(about, indent=1, ensure_ascii=False), encoding="utf-8")
+        with directory.write(f"{folder}/{stem}.npy") as file:
+            np.save(file, city.heights, allow_pickle=False)
+        text = json.dumps(about, indent=1, ensure_ascii=False)
+        directory.write_bytes(f"{folder}/{stem}.json", text.encode())
 
 
 def _stem(index: int, city: CityMap) -> str:
     return f"{index:02d}-{re.sub(r'[^A-Za-z0-9_-]+', '-', city.name)[:80]}"
 
 
-def read_sources(folder: Path, kind: Kind) -> list[Source]:
+def read_sources(directory: RunDirectory, folder: str, kind: Kind) -> list[Source]:
     """Return the sources of a run of this ``kind``. Raises the errors of damaged files: OSError,
     ValueError, MemoryError, EvocityError."""
-    return [
-        Source(city, kind.read(plain_file(path.with_suffix(".genome.parquet"))))
-        for path, city in _described(folder)
-    ]
+    sources = []
+    for stem, city in _described(directory, folder):
+        genome = f"{stem}.genome.parquet"
+        directory.check_file(genome)
+        sources.append(Source(city, kind.read(directory.root / genome)))
+    return sources
 
 
-def read_maps(folder: Path) -> list[CityMap]:
+def read_maps(directory: RunDirectory, folder: str) -> list[CityMap]:
     """Return the maps of `write_maps`. Raises as `read_sources`."""
-    return [city for _, city in _described(folder)]
+    return [city for _, city in _described(directory, folder)]
 
 
-def _described(folder: Path) -> list[tuple[Path, CityMap]]:
-    """The cities of a folder in order, each with its description."""
+def _described(directory: RunDirectory, folder: str) -> list[tuple[str, CityMap]]:
     cities = {}
-    for path in plain_folder(folder).iterdir():
-        if match := _DESCRIBED.fullmatch(path.name):
-            about = _About.model_validate_json(read_bytes(path))
-            heights = _array(path.with_suffix(".npy"))
-            cities[int(match[1])] = path, CityMap(heights, **about.model_dump())
+    for name in directory.entries(folder):
+        if match := _DESCRIBED.fullmatch(name):
+            stem = f"{folder}/{name.removesuffix('.json')}"
+            about = _About.model_validate_json(directory.read(f"{stem}.json"))
+            heights = _array(directory, f"{stem}.npy")
+            cities[int(match[1])] = stem, CityMap(heights, **about.model_dump())
     return [cities[number] for number in sorted(cities)]
 
 
-def write_masks(folder: Path, masks: Sequence[np.ndarray]) -> None:
-    """Write an NPY file per mask: bool ``(H, W)``."""
+def write_masks(directory: RunDirectory, folder: str, masks: Sequence[np.ndarray]) -> None:
+    """Write an NPY file per mask into a ``folder``: bool ``(H, W)``."""
+    directory.make_folder(folder, exist_ok=True)
     for index, mask in enumerate(masks):
-        with whole_file(folder / f"{index:02d}.npy") as temporary:
-            np.save(temporary, np.asarray(mask, bool), allow_pickle=False)
+        with directory.write(f"{folder}/{index:02d}.npy") as file:
+            np.save(file, np.asarray(mask, bool), allow_pickle=False)
 
 
-def read_masks(folder: Path) -> list[np.ndarray]:
-    """Return the masks of `write_masks`. Raises as `read_sources`."""
+def read_masks(directory: RunDirectory, folder: str, shape: tuple[int, int]) -> list[np.ndarray]:
+    """Return the masks of `write_masks`, of this ``shape``. Raises as `read_sources`."""
     masks = {}
-    for path in plain_folder(folder).iterdir():
-        if match := _MASK.fullmatch(path.name):
-            mask = _array(path)
-            if mask.ndim != 2 or mask.dtype != bool:
+    for name in directory.entries(folder):
+        if match := _MASK.fullmatch(name):
+            mask = _array(directory, f"{folder}/{name}")
+            if mask.shape != shape or mask.dtype != bool:
                 raise ValueError(f"{mask.dtype} of shape {mask.shape}")
             masks[int(match[1])] = mask
     return [masks[number] for number in sorted(masks)]
 
 
-def write_condensation(path: Path, condensation: Condensation) -> None:
+def write_condensation(directory: RunDirectory, condensation: Condensation) -> None:
     """Write one NPY file: float32 ``(H, W)``, metres, NaN where nothing is locked."""
-    with whole_file(path) as temporary:
-        np.save(temporary, condensation.raster, allow_pickle=False)
+    with directory.write(LOCKED) as file:
+        np.save(file, condensation.raster, allow_pickle=False)
 
 
-def read_condensation(path: Path, digest: str) -> Condensation:
+def read_condensation(directory: RunDirectory, digest: str) -> Condensation:
     """Return the layer with this ``digest``. Raises as `read_sources`, and for another layer."""
-    raster = _array(path)
+    raster = _array(directory, LOCKED)
     if raster.ndim != 2 or raster.dtype != np.float32:
         raise ValueError(f"{raster.dtype} of shape {raster.shape}")
     condensation = Condensation.from_raster(raster)
@@ -141,9 +151,9 @@ def read_condensation(path: Path, digest: str) -> Condensation:
     return condensation
 
 
-def _array(path: Path) -> np.ndarray:
+def _array(directory: RunDirectory, part: str) -> np.ndarray:
     """The array in an NPY file that is as long as its header says, which may say terabytes."""
-    with open_to_read(path) as file:
+    with directory.open(part) as file:
         major, minor = np.lib.format.read_magic(file)
         read = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}
         if major not in read:
@@ -159,35 +169,28 @@ def _array(path: Path) -> np.ndarray:
         return np.load(file, allow_pickle=False)
 
 
-def write_measures(root: Path, files: Mapping[str, bytes]) -> None:
-    """Write each of ``files``, place within the run folder ``root`` -> content."""
+def write_measures(directory: RunDirectory, files: Mapping[str, bytes]) -> None:
+    """Write each of ``files``, place within the run folder -> content."""
     for place, content in files.items():
-        path = _within(root, place)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        for folder in path.relative_to(root).parents:
-            plain_folder(root / folder)
-        with whole_file(path) as temporary:
-            temporary.write_bytes(content)
+        part = _within(directory.root, place)
+        directory.make_folder(str(part.parent), exist_ok=True)
+        directory.write_bytes(str(part), content)
 
 
 def measure_file(root: Path, place: str) -> Path:
     """Return the file at a ``place`` such as "fitness/my_measure.py" of the run folder ``root``.
-
-    Raises FileNotFoundError if it is missing; `RunError` for a place outside the folder of the
-    user's own measures, or through a link.
-    """
-    path = _within(root, place)
-    for folder in list(path.relative_to(root).parents)[-2::-1]:  # from the outermost inwards
-        plain_folder(root / folder)
-    return plain_file(path)
+    Raises FileNotFoundError if it is missing; `RunError` for a link, or a place outside."""
+    part = _within(root, place)
+    RunDirectory(root).check_file(str(part))
+    return root / part
 
 
-def _within(root: Path, place: str) -> Path:
+def _within(root: Path, place: str) -> PurePosixPath:
     parts = PurePosixPath(place).parts if isinstance(place, str) else ()
     if len(parts) < 2 or parts[0] != MEASURES_FOLDER or ".." in parts or "\\" in place:
         raise RunError(
             f"{root}: provenance.json names {place!r} as the source of a measure",
-            f"a file in {MEASURES_FOLDER}/ of the run folder",
-            "bring provenance.json back from a copy",
+            f"a file in the folder {MEASURES_FOLDER}/ of the run",
+            "restore provenance.json from a backup",
         )
-    return root.joinpath(*parts)
+    return PurePosixPath(*parts)

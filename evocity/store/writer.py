@@ -15,19 +15,23 @@ import numpy as np
 from evocity.citymap import CityMap
 from evocity.condensation import Condensation
 from evocity.errors import RunError, reason_of
-from evocity.files import whole_file
 from evocity.store.checksums import digests_of
-from evocity.store.events import append_event, read_commands
-from evocity.store.layout import BIRTHS, MEMBERSHIP, SEGMENT, Folder, is_unfinished
+from evocity.store.event_chain import EventLog
+from evocity.store.events import COMMANDS, EVENTS, commands_of, count_commands
+from evocity.store.layout import BIRTHS, MEMBERSHIP, RECIPE, SEGMENT, Folder, is_unfinished
 from evocity.store.lock import Lock
 from evocity.store.log import LastGeneration
 from evocity.store.membership import Member, membership_table
 from evocity.store.merge import drop_leftovers, merge, write_single
+from evocity.store.provenance import sealed_json
+from evocity.store.repair import move_damaged, set_file_aside
 from evocity.store.rewrite import LogRewrite, drop, finish
+from evocity.store.run_directory import RunDirectory
 from evocity.store.run_log import RunLog
 from evocity.store.schema import Birth, Header, births_table
 from evocity.store.sources import (
     MEASURES_FOLDER,
+    SOURCES,
     Source,
     write_condensation,
     write_maps,
@@ -42,8 +46,8 @@ def refuse_existing(path: str | os.PathLike) -> None:
     if os.path.lexists(path):
         raise RunError(
             f"the output folder {path} exists already",
-            "a new folder for a new run",
-            f"choose another with --out, or go on with that run: evocity resume {path}",
+            "a folder that does not exist yet",
+            f"choose another folder with --out, or continue that run: evocity resume {path}",
         )
 
 
@@ -56,6 +60,7 @@ class RunWriter:
 
     def __init__(self, folder: Folder, header: Header, lock: Lock):
         self.folder, self.header, self._lock = folder, header, lock
+        self._events = EventLog(folder.directory, EVENTS)
         self._closed = False
 
     @property
@@ -86,46 +91,45 @@ class RunWriter:
         refuse_existing(path)
         _clear_unfinished(path)
         hidden = path.with_name(f".{path.name}-{secrets.token_hex(4)}")
-        folder = Folder(hidden)
-        lock = None
+        directory, lock, writer = RunDirectory(hidden), None, None
         try:
             hidden.mkdir(parents=True)
-            lock = Lock(folder.lock)
-            for place in (hidden / BIRTHS, hidden / MEMBERSHIP, folder.sources):
-                place.mkdir()
-            with whole_file(folder.recipe) as temporary:
-                temporary.write_bytes(recipe_text.encode())
-            write_sources(folder.sources, sources)
+            directory.hold()
+            lock = Lock(directory)
+            for place in (BIRTHS, MEMBERSHIP):
+                directory.make_folder(place)
+            directory.write_bytes(RECIPE, recipe_text.encode())
+            write_sources(directory, sources)
             if references:
-                folder.references.mkdir()
-                write_maps(folder.references, references)
+                write_maps(directory, "references", references)
             if parts:
-                folder.within.mkdir()
-                write_masks(folder.within, parts)
+                write_masks(directory, "within", parts)
             if condensation is not None:
-                write_condensation(folder.locked, condensation)
-            write_measures(hidden, own or {})
-            files = digests_of(hidden, folder.sources, folder.references, folder.within)
-            _write_provenance(folder, {**provenance, "files": files}, header)
-            folder.events.touch()
+                write_condensation(directory, condensation)
+            write_measures(directory, own or {})
+            files = digests_of(directory, SOURCES, "references", "within")
+            _write_provenance(Folder(directory), {**provenance, "files": files}, header)
+            directory.append(EVENTS).close()
             refuse_existing(path)
             if os.name == "nt":  # Windows cannot rename a folder with an open file
                 lock.release()
             hidden.rename(path)
-            folder = Folder(path)
+            directory.root = path
             if os.name == "nt":
-                lock = Lock(folder.lock)
-            writer, lock = cls(folder, header, lock), None
+                lock = Lock(directory)
+            writer, lock = cls(Folder(directory), header, lock), None
             return writer
         except OSError as error:
             raise RunError(
                 f"the run folder {path} cannot be written: {reason_of(error)}",
-                "a folder that you may write to, with space left",
-                "free space, or choose another folder with --out",
+                "a folder that you may write to, on a disk with free space",
+                "free some space, or choose another folder with --out",
             ) from error
         finally:
             if lock is not None:
                 lock.release()
+            if writer is None:
+                directory.release()
             shutil.rmtree(hidden, ignore_errors=True)
 
     @classmethod
@@ -137,9 +141,10 @@ class RunWriter:
         another process writes it.
         """
         run = RunLog(path)
-        folder = Folder(Path(path).absolute(), run.header.recipe_hash)
-        writer = cls(folder, run.header, Lock(folder.lock))
+        writer = cls._take(run)
+        folder = writer.folder
         try:
+            run.events()  # changed ones are refused before anything is written
             with writer._explained():
                 finish(folder)
             whole = run.written
@@ -147,9 +152,9 @@ class RunWriter:
                 names = ", ".join(str(one.relative_to(run.path)) for one in broken[:4])
                 more = f" and {len(broken) - 4} more" if len(broken) > 4 else ""
                 raise RunError(
-                    f"{run.path}: {names}{more} cannot be read, or come after an unreadable file",
-                    "files as they were written",
-                    "bring the files back from a copy; or put them aside, and breed their "
+                    f"{run.path}: these files are damaged, or follow a damaged file: {names}{more}",
+                    "files that are unchanged since the run wrote them",
+                    "restore these files from a backup; or set them aside and breed the lost "
                     f"generations again: evocity resume {run.path} --set-aside",
                 )
             with writer._explained():
@@ -160,6 +165,22 @@ class RunWriter:
             raise
         return writer
 
+    @classmethod
+    def _take(cls, run: RunLog) -> "RunWriter":
+        """Take up a ``run`` whose folder has no links, and hold its lock."""
+        directory = RunDirectory(run.path.absolute())
+        try:
+            directory.hold()
+            folder = Folder(directory, run.header.recipe_hash)
+            folder.check_parts()
+            return cls(folder, run.header, Lock(directory))
+        except OSError as error:
+            directory.release()
+            raise _unwritable(directory.root, error, "none is whole") from error
+        except BaseException:
+            directory.release()
+            raise
+
     def write_generation(
         self, generation: int, births: Sequence[Birth], members: Sequence[Member], summary: Mapping
     ) -> None:
@@ -168,11 +189,12 @@ class RunWriter:
         ``summary`` (plain JSON values; `RunLog.status` reads them) travels with the membership.
         """
         with self._explained():
-            write_single(births_table(births, self.header), self.folder.single(BIRTHS, generation))
-            write_single(
-                membership_table(generation, members, summary, self.header),
-                self.folder.single(MEMBERSHIP, generation),
-            )
+            directory, header = self.folder.directory, self.header
+            born = births_table(births, header)
+            living = membership_table(generation, members, summary, header)
+            write_single(directory, born, self.folder.single(BIRTHS, generation))
+            place = self.folder.single(MEMBERSHIP, generation)
+            write_single(directory, living, place, self._events.chain)
             if (generation + 1) % SEGMENT == 0:
                 merge(self.folder)
 
@@ -181,12 +203,15 @@ class RunWriter:
         with self._explained():
             header = header or self.header
             _write_provenance(self.folder, provenance, header)
-            self.header, self.folder = header, Folder(self.path, header.recipe_hash)
+            self.header = header
+            self.folder = Folder(self.folder.directory, header.recipe_hash)
             finish(self.folder)
 
     def rewrite(self, run: RunLog, header: Header, about: Mapping) -> LogRewrite:
         """Begin to rewrite the log of this ``run`` under another ``header``, see `LogRewrite`."""
-        return LogRewrite(run, header, about, self._explained)
+        return LogRewrite(
+            run, header, about, self.folder.directory, self._explained, self._events.chain
+        )
 
     def drop_rewrites(self, but: str | None = None) -> None:
         """Delete unfinished rewritten logs, see `evocity.store.rewrite.drop`."""
@@ -196,85 +221,122 @@ class RunWriter:
     def replace_recipe(self, text: str, kept: str | None = None) -> None:
         """Replace the recipe; keep the former one as ``kept``, such as "recipe-1.toml"."""
         with self._explained():
+            directory = self.folder.directory
             if kept is not None:
-                with whole_file(self.path / kept) as temporary:
-                    temporary.write_bytes(self.folder.recipe.read_bytes())
-            with whole_file(self.folder.recipe) as temporary:
-                temporary.write_bytes(text.encode())
+                directory.write_bytes(kept, directory.read(RECIPE))
+            directory.write_bytes(RECIPE, text.encode())
 
     def keep(self, own: Mapping[str, bytes]) -> None:
         """Keep files of the user's own measures: place in the run folder, such as
         "fitness/my_measure.py", to content."""
         with self._explained():
-            write_measures(self.path, own)
+            write_measures(self.folder.directory, own)
 
     def event(self, event: str, **details) -> None:
-        """Append a line to ``events.jsonl``."""
-        with self._explained():
-            append_event(self.folder.events, event, **details)
+        """Append a line to ``events.jsonl``; after the lock was lost, only while no other process
+        holds the run."""
+        with self._explained(locked=False), self._may_append():
+            self._events.append({"event": event, **details})
 
-    def commands(self, first: int) -> list[tuple[int, dict | None]]:
-        """Return the commands from line ``first`` of ``commands.jsonl`` on, see `read_commands`."""
+    def commands(self, first: int) -> tuple[list[tuple[int, dict | None]], bool]:
+        """Return the commands from line ``first`` of ``commands.jsonl`` on, and whether the file
+        has more than is read, see `commands_of`."""
         with self._explained():
-            return read_commands(self.folder.commands, first)
+            return commands_of(self.folder.directory, first)
+
+    def count_commands(self) -> int:
+        """Return the number of lines of ``commands.jsonl``, see `count_commands`."""
+        with self._explained():
+            return count_commands(self.folder.directory)
+
+    def set_commands_aside(self) -> str:
+        """Move ``commands.jsonl`` into the folder ``damaged``; return its new place in the run."""
+        with self._explained():
+            target = set_file_aside(self.folder, self.folder.commands, COMMANDS)
+            return target.relative_to(self.folder.root).as_posix()
 
     def close(self) -> None:
         """Release the run, for other writers."""
         self._closed = True
         self._lock.release()
+        self.folder.directory.release()
 
     @contextmanager
-    def _explained(self) -> Iterator[None]:
+    def _may_append(self) -> Iterator[None]:
+        if not self._lock.is_lost:
+            yield
+            return
+        self.folder.directory.check_in_place()
+        again = Lock(self.folder.directory)
+        try:
+            yield
+        finally:
+            again.release()
+
+    @contextmanager
+    def _explained(self, locked: bool = True) -> Iterator[None]:
         if self._closed:
             raise RunError(
-                f"{self.path}: this writer is closed",
-                "a writer that holds the run's lock; another process may hold it now",
+                f"{self.path}: this writer was closed",
+                "an open writer, which holds the lock of the run",
                 "open the run again: RunWriter.reopen(path)",
             )
         try:
+            if locked:
+                self._lock.check()
             yield
         except OSError as error:
             try:
-                whole = self.folder.last_generation(MEMBERSHIP)
+                whole = Folder(self.path).last_generation(MEMBERSHIP)
                 readable = f"generations 0…{whole} stay readable" if whole >= 0 else "none is whole"
-            except OSError:
+            except (OSError, RunError):
                 readable = "the folder is gone"
-            raise RunError(
-                f"{self.path} cannot be written: {reason_of(error)} ({readable})",
-                "a run folder that stays in place, on a disk with space",
-                f"free some space or put the folder back, then: evocity resume {self.path}",
-            ) from error
+            raise _unwritable(self.path, error, readable) from error
+
+
+def _unwritable(path: Path, error: OSError, readable: str) -> RunError:
+    return RunError(
+        f"{path} cannot be written: {reason_of(error)} ({readable})",
+        "the run folder at this path, on a disk with free space",
+        f"free some space, or put the folder back; then: evocity resume {path}",
+    )
 
 
 def set_aside(path: str | os.PathLike) -> list[Path]:
     """Move the damaged files of births and membership of the run in ``path``, and all that follow
-    them, into its folder ``damaged``; the run breeds those generations again when it goes on.
-    Return the names of the moved files, below ``path``.
+    these or missing ones, into its folder ``damaged``; the run breeds those generations again when
+    it goes on. Return the names of the moved files, below ``path``.
 
-    Raises `RunError` if it is not a run, another process writes it, or nothing can be moved.
+    Raises `RunError` if it is not a run, another process writes it, nothing can be moved, or an
+    earlier recipe bred one of those generations.
     """
     run = RunLog(path)
-    folder = Folder(Path(path).absolute(), run.header.recipe_hash)
-    writer = RunWriter(folder, run.header, Lock(folder.lock))
+    run.events()
+    writer = RunWriter._take(run)
     try:
-        moved = []
         with writer._explained():
-            finish(folder)
-            for one in LastGeneration(folder).sound(thorough=True)[1]:
-                name = one.relative_to(folder.root)
-                target = folder.damaged / f"{name.parent.name}-{name.name}"
-                folder.damaged.mkdir(exist_ok=True)
-                number = 1
-                while os.path.lexists(target):
-                    number += 1
-                    target = target.with_name(f"{name.parent.name}-{name.stem}-{number}.parquet")
-                (folder.root / name).rename(target)
-                moved.append(name)
+            finish(writer.folder)
+            last = LastGeneration(writer.folder).sound(thorough=True)[0]
+            _refuse_earlier_recipes(run, last)
+            moved = move_damaged(writer.folder)
             if moved:
-                append_event(folder.events, "set aside", files=[one.as_posix() for one in moved])
+                writer.event("set aside", files=[one.as_posix() for one in moved])
         return moved
     finally:
         writer.close()
+
+
+def _refuse_earlier_recipes(run: RunLog, last: int) -> None:
+    """Raise `RunError` if a generation after the ``last`` was bred by an earlier recipe."""
+    for note in run.provenance.get("recipe", {}).get("before", []):
+        if note["generations"] > last + 1:
+            raise RunError(
+                f"{run.path}: a file of generation {last + 1} is damaged or missing, and the "
+                f"earlier recipe {note['file']} bred that generation",
+                "a damaged generation that the present recipe bred, because evocity breeds lost "
+                "generations again by this recipe",
+                "restore the file from a backup",
+            )
 
 
 def _clear_unfinished(path: Path) -> None:
@@ -294,7 +356,7 @@ def _clear_unfinished(path: Path) -> None:
                 if not left:
                     hidden.rmdir()
                 elif model.lock.name in left <= parts:
-                    Lock(hidden / model.lock.name).release()
+                    Lock(RunDirectory(hidden)).release()
                     shutil.rmtree(hidden)
 
 
@@ -302,7 +364,6 @@ def _write_provenance(folder: Folder, provenance: Mapping, header: Header) -> No
     about = {
         "schema_version": header.schema_version,
         "header": json.loads(header.to_json()),
-        **{k: v for k, v in provenance.items() if k not in ("schema_version", "header")},
+        **{k: v for k, v in provenance.items() if k not in ("schema_version", "header", "seal")},
     }
-    with whole_file(folder.provenance) as temporary:
-        temporary.write_text(json.dumps(about, indent=1, ensure_ascii=False), encoding="utf-8")
+    folder.directory.write_bytes(folder.provenance, sealed_json(about))

@@ -6,16 +6,21 @@ import math
 import threading
 from collections import OrderedDict
 from collections.abc import Mapping
+from typing import Annotated, Literal
 
 import numpy as np
 from PIL import Image
+from pydantic import Field
 
+from evocity.analysis.arguments import check_count
 from evocity.analysis.births import label
+from evocity.analysis.clusters import farthest_first
 from evocity.analysis.distributions import QUANTITIES, Distribution, distributions
 from evocity.analysis.individual import Individual
 from evocity.errors import RunError
 from evocity.pictures import Change, render_change
 from evocity.pictures.colours import field_colours, scale_end
+from evocity.studio.request_fields import Body, Id
 from evocity.studio.run_watcher import Moment, RunWatcher
 
 #: The kinds of pictures of a birth.
@@ -33,8 +38,8 @@ _BAR = 8
 
 
 def describe_birth(moment: Moment, identifier: int) -> dict:
-    """Return plain values: the origin of the birth, its measures and goals, the record of its
-    operator, the cities of its parts. Raises `RunError` for an unknown id."""
+    """Return plain values: origin, measures with goals, record of the operator, cities of the
+    parts."""
     births = moment.run.columns
     individual = Individual(births, identifier)
     birth = individual.run.individuals([individual.id], rebred=False)[0]
@@ -96,8 +101,8 @@ def _number(value: float) -> float | None:
 
 
 def picture_of(moment: Moment, identifier: int, kind: str, other: int | None = None) -> bytes:
-    """Return a picture of a kind of `PICTURES` as PNG; a map shares its scale of heights with that
-    of an ``other`` birth. Raises `RunError` where a birth has no map."""
+    """Return a picture of `PICTURES` as PNG; a map shares its heights' scale with an ``other``
+    birth."""
     individual = Individual(moment.run.columns, identifier)
     if kind != "map":
         return png_of(individual.ancestry_picture())
@@ -108,7 +113,6 @@ def picture_of(moment: Moment, identifier: int, kind: str, other: int | None = N
 
 
 def png_of(picture: Image.Image) -> bytes:
-    """Return a ``picture`` as PNG, packed for speed."""
     file = io.BytesIO()
     picture.save(file, "PNG", compress_level=1)
     return file.getvalue()
@@ -117,12 +121,9 @@ def png_of(picture: Image.Image) -> bytes:
 def call_counts_of(
     moment: Moment, identifier: int, count: str, other: int | None = None
 ) -> tuple[dict, bytes]:
-    """Return how often a birth calls its own parts, by a count of `COUNTS`.
-
-    The values are the ``most`` calls, lifs, and the ``end`` of the colours: a few parts have so
-    many calls that all others would be pale. The PNG has one pixel a pixel, pale without calls, and
-    a bar of its colours below. With an ``other`` birth both have the same ``end``. Raises
-    `RunError` where a birth has no genome."""
+    """Return how often a birth calls its own parts, by a count of `COUNTS`: the ``most`` calls and
+    the ``end`` of the colours, above which few parts lie; a PNG with a bar of its colours. With an
+    ``other`` birth both have the same ``end``."""
     from evocity.coding.usage import usage
 
     ids = [identifier] if other is None else [identifier, other]
@@ -137,8 +138,7 @@ def call_counts_of(
 
 
 def heights_of(moment: Moment, identifier: int) -> tuple[dict, bytes]:
-    """Return the map of a birth: rows, columns, metres a pixel; heights in metres as float32, row
-    by row from the north. Raises `RunError` where it has no map."""
+    """Return rows, columns and metres per pixel; heights in metres, float32, from the north."""
     city = Individual(moment.run.columns, identifier).city
     height, width = city.shape
     about = {"height": height, "width": width, "metres": float(city.metres_per_pixel)}
@@ -154,11 +154,8 @@ class Solids:
         self._kept: OrderedDict[tuple[str, int], bytes] = OrderedDict()
 
     def of(self, identifier: int) -> bytes:
-        """Return the triangles of a birth's scene, as `evocity.scene.Scene.triangles`: nine float32
-        of corners for each, then three bytes of colour for each. Raises `RunError` without a map,
-        and for more than `MOST_TRIANGLES`.
-
-        One birth is computed at a time; the run stays readable meanwhile."""
+        """Return `evocity.scene.Scene.triangles` of a birth: nine float32 of corners for each, then
+        three bytes of colour for each. One birth is computed at a time; the run stays readable."""
         with self._watcher.reading:
             moment = self._watcher.moment
             key = (moment.fingerprint, identifier)
@@ -173,9 +170,9 @@ class Solids:
                 corners, colours = scene(city).triangles(highest=highest)
                 if len(corners) > MOST_TRIANGLES:
                     raise RunError(
-                        f"birth {identifier} has {len(corners)} triangles, too many",
-                        f"at most {MOST_TRIANGLES} for a walk in a browser",
-                        "save the birth as a scene, and open the scene in another program",
+                        f"birth {identifier} has too many triangles for a 3D view: {len(corners)}",
+                        f"at most {MOST_TRIANGLES} triangles",
+                        "save the birth as a scene, and open the scene in a 3D program",
                     )
                 content = np.ascontiguousarray(corners, "<f4").tobytes() + colours.tobytes()
                 self._kept[key] = content
@@ -189,11 +186,9 @@ class Solids:
 
 
 def pedigree_of(moment: Moment, identifier: int, steps: int) -> dict:
-    """Return the ancestors of a birth, without reading a genome.
-
-    ``steps``: lists of ids, one step back and so on, each id where it comes first. ``links``: pairs
-    of parent and child among the shown births. ``more``: the number of hidden births of each step.
-    ``cities``: the shown source cities. ``born``: `count_ancestors`."""
+    """Return the ancestors of a birth, without reading a genome. ``steps``: lists of ids, one step
+    back and so on. ``links``: pairs of parent and child among the shown births. ``more``: the
+    number of hidden births of each step."""
     births, pedigree = moment.run.columns, moment.pedigree
     known = rows = births.rows([identifier])
     listed, more = [rows], [0]
@@ -237,9 +232,8 @@ def count_ancestors(every: np.ndarray, shown: np.ndarray) -> dict:
 
 
 def difference_of(moment: Moment, identifier: int, other: int) -> tuple[dict, bytes]:
-    """Return the difference of a birth from an ``other``: the share of the map that differs by
-    over a storey (``apart``), the mean difference in metres (``more``); a picture as PNG. Raises
-    `RunError` where a birth has no map."""
+    """Return the difference from an ``other`` birth: the share of the map that differs by over a
+    storey (``apart``), the mean in metres (``more``); a picture as PNG."""
     first, second = (Individual(moment.run.columns, n) for n in (other, identifier))
     change = Change(first.city, second.city)
     about = {"apart": change.apart, "more": float(change.metres.mean(dtype=float))}
@@ -247,12 +241,9 @@ def difference_of(moment: Moment, identifier: int, other: int) -> tuple[dict, by
 
 
 def buildings_of(moment: Moment, identifier: int, of: str, other: int | None) -> dict:
-    """Return how a quantity of `QUANTITIES` is distributed over the buildings of a birth, of its
-    parents and of the cities of the run. A pinned ``other`` birth has a distribution too.
-
-    Each one has its name, ``role``, colour, number of buildings and quartiles. Its ``values``, at
-    most `MOST_POINTS`, rise; ``shares`` are the buildings at or below each value. Raises `RunError`
-    where a birth has no map."""
+    """Return distributions of a quantity of `QUANTITIES` over the buildings of a birth, its
+    parents, the cities of the run and a pinned ``other`` birth. The ``values`` of each rise, at
+    most `MOST_POINTS`; ``shares`` are the buildings at or below each value."""
     births = moment.run.columns
     individual = Individual(births, identifier)
     sources, references = moment.cities
@@ -277,3 +268,58 @@ def _points(distribution: Distribution) -> dict:
         "values": values[places - 1].tolist() if count else [],
         "shares": (places / count).tolist() if count else [],
     }
+
+
+#: Births whose maps or genomes are compared, or that are compared with all others; at most.
+MOST_COMPARED = 400
+_BATCH = 64
+
+
+class Comparison(Body):
+    """A request for the distances of ``ids`` from ``to``; without ``to``: for the order in which
+    each birth differs most from all before it. ``by``: see `evocity.analysis.likeness`."""
+
+    by: Literal["looks", "scores", "kin"]
+    ids: Annotated[list[Id], Field(min_length=1, max_length=200_000)]
+    to: Id | None = None
+
+
+def compare_births(moment: Moment, request: Comparison) -> bytes:
+    """Return a float32 for each of the ``ids``: its distance from ``to``, or its place in the
+    order, from 1. It is NaN for births that failed or whose genome is not in the log."""
+    ids = np.array(list(dict.fromkeys(request.ids)), np.int64)
+    if request.to is None or request.by != "scores":
+        check_count("births to compare", len(ids), MOST_COMPARED)
+    births = moment.run.columns
+    every = ids if request.to is None else np.append(ids, request.to)
+    known = births.ok[births.rows(every)]
+    if request.by != "scores":
+        known &= np.isin(every, _note_maps(moment, every[known].tolist()))
+    if request.to is not None and not known[-1]:
+        raise RunError(
+            f"birth {request.to} failed, or its genome is not in the log",
+            "a birth with a genome in the log",
+            "choose another birth",
+        )
+    values = np.full(len(ids), np.nan, np.float32)
+    kept = known[: len(ids)]
+    if request.to is not None:
+        values[kept] = moment.likeness.from_one(request.to, ids[kept], request.by)
+    else:
+        matrix = moment.likeness.matrix(ids[kept], request.by)
+        ranks = np.empty(len(matrix), np.float32)
+        ranks[farthest_first(matrix, len(matrix))] = np.arange(1, len(matrix) + 1)
+        values[kept] = ranks
+    return values.astype("<f4").tobytes()
+
+
+def _note_maps(moment: Moment, ids: list[int]) -> list[int]:
+    """Note the maps of births for the comparison; return the ``ids`` that have a map."""
+    mapped = []
+    for start in range(0, len(ids), _BATCH):
+        for birth in moment.run.individuals(ids[start : start + _BATCH], rebred=False):
+            city = None if birth.genome is None else moment.run.columns.expressed(birth).city
+            if city is not None:
+                moment.likeness.note(birth.id, city)
+                mapped.append(birth.id)
+    return mapped

@@ -26,13 +26,8 @@ MOST_WORKERS, DEADLINE, MEMORY = 2, 60.0, 4 << 30
 
 
 def workers_of(run: RunLog) -> tuple[Workers, dict[str, str]]:
-    """Return workers for children of a ``run``, and the measures that they leave out, each with
-    the reason.
-
-    For a run that began here they measure as the run would now. For another run they take only
-    evocity's own measures, of the whole map, by the source cities. Raises `RunError` if the sources
-    are damaged.
-    """
+    """Return workers for children of a ``run``, and the reasons for omitted measures. For a run
+    that began elsewhere, they take only evocity's own measures, of the whole map."""
     count = min(MOST_WORKERS, available_cores())
     reason = "the run was not started on this machine"
     if is_trusted(run):

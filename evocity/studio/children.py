@@ -36,14 +36,14 @@ from evocity.viewer.sheet import Sheet
 #: Children of a brood, parents, operators that take turns; at most.
 MOST_CHILDREN, MOST_PARENTS, MOST_OPERATORS = 24, 16, 12
 _FILLS = (0.1, 0.9)
+# Seconds to wait for cancelled children.
+_PATIENCE = 0.5
 
 
 class Brood(Body):
-    """A request for ``count`` children of ``parents``, by ``operators`` in turn.
-
-    ``parameters`` go with a single operator. ``vary`` draws the share of the second parent for each
-    child, if its operator takes one and none is given. A ``drawing`` locks pixels and marks
-    where measures are taken. Broods of the ``board`` are separate from the others."""
+    """A request for ``count`` children of ``parents``, by ``operators`` in turn. ``parameters`` go
+    with a single operator. ``vary`` draws the share of the second parent for each child. A
+    ``drawing`` locks pixels and marks where to measure. Broods of the ``board`` are separate."""
 
     operators: Annotated[tuple[str, ...], Field(min_length=1, max_length=MOST_OPERATORS)]
     parameters: Annotated[dict[str, JsonValue], Field(max_length=50)] = {}  # noqa: RUF012
@@ -64,8 +64,7 @@ class ReadyRequest(Body):
 
 @dataclass
 class Child:
-    """One child: ``stage`` is "waiting", "bred", "measured" or "failed"; ``parameters`` are those
-    of its operator."""
+    """One child: ``stage`` is "waiting", "bred", "measured" or "failed"."""
 
     number: int
     operator: Operator
@@ -79,7 +78,6 @@ class Child:
 
     @property
     def state(self) -> dict:
-        """Plain values for the page."""
         return {
             "number": self.number,
             "operator": self.operator.name,
@@ -95,13 +93,12 @@ def _finite(values: Mapping[str, float]) -> dict[str, float]:
 
 
 def plan_children(brood: Brood) -> list[Child]:
-    """Return the children of a ``brood``, not yet bred. Raises `OperatorError` for operators,
-    parameters and numbers of parents that do not fit."""
+    """Return the children of a ``brood``, not yet bred. Raises `OperatorError`."""
     if brood.parameters and len(brood.operators) > 1:
         raise OperatorError(
-            f"parameters are set for {len(brood.operators)} operators",
-            "parameters for a single operator",
-            "choose one operator",
+            f"the request gives parameters but names {len(brood.operators)} operators",
+            "a single operator for the given parameters",
+            "choose one operator, or leave the parameters out",
         )
     parents, children = list(dict.fromkeys(brood.parents)), []
     for number in range(brood.count):
@@ -116,7 +113,7 @@ def plan_children(brood: Brood) -> list[Child]:
         fewest, most = operator.parents
         if len(parents) < fewest:
             raise OperatorError(
-                f"{name} cannot breed from {len(parents)} parent{'s' * (len(parents) > 1)}",
+                f"{len(parents)} parents are too few for the operator {name}",
                 f"{fewest} or more parents",
                 "pick more births, or choose another operator",
             )
@@ -139,8 +136,7 @@ def _generator(seed: int, number: int, use: int) -> np.random.Generator:
 
 
 def list_operators() -> list[dict]:
-    """Return all operators as plain values: name, fewest and most parents, one sentence, and the
-    default of each parameter as JSON."""
+    """Return the operators as plain values, with the default of each parameter as JSON."""
     return [
         {
             "name": name,
@@ -169,7 +165,7 @@ class Breeding:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
-        self._stopped = False
+        self._stopped = self._closed = False
         self._workers: Workers | None = None
         self._workers_run: str | None = None
         self._parents: dict[int, Genome] = {}
@@ -192,7 +188,6 @@ class Breeding:
         return self._thread is not None and self._thread.is_alive()
 
     def state(self) -> dict:
-        """Return plain values for the page."""
         marked = None
         if self.part is not None:
             marked = {parent: _finite(values) for parent, values in dict(self.marked).items()}
@@ -206,23 +201,21 @@ class Breeding:
         }
 
     def prepare(self, moment: Moment, parents: Sequence[int]) -> None:
-        """Start workers, which takes a second or two, and read the genomes of ``parents``. Raises
-        `RunError` for a parent without a genome."""
+        """Start workers, which takes a second or two, and read the genomes of ``parents``."""
         with self._lock:
             if not self.busy:
                 self._start(moment, [], {})
         self._genomes(moment, parents)
 
     def _genomes(self, moment: Moment, parents: Sequence[int]) -> dict[int, Genome]:
-        """Read the genomes of ``parents``, each once."""
         known = self._parents if self._parents_run == moment.fingerprint else {}
         genomes = {n: known.get(n) or moment.run.genome(n) for n in parents}
         self._parents, self._parents_run = genomes, moment.fingerprint
         return genomes
 
     def begin(self, brood: Brood, moment: Moment) -> None:
-        """Breed a ``brood`` of births of the ``moment``. Raises `RunError` while another brood is
-        bred and for parents without a genome; `OperatorError` as `plan_children`."""
+        """Breed a ``brood`` of births of the ``moment``. Raises `RunError` while another is
+        bred."""
         children = plan_children(brood)
         parents = births = self._genomes(moment, brood.parents)
         locked = part = None
@@ -238,9 +231,9 @@ class Breeding:
         with self._lock:
             if self.busy:
                 raise RunError(
-                    "a brood is already being bred",
-                    "one brood at a time",
-                    "wait for it, or stop it",
+                    "studio is already breeding children",
+                    "one group of children at a time",
+                    "wait for the present children, or stop them",
                 )
             self.number, self.brood, self.children = self.number + 1, brood, children
             self.locked, self.part, self.marked = locked, part, {}
@@ -257,16 +250,20 @@ class Breeding:
                 self._workers.close()
                 self._workers = None
 
+    def cancel(self) -> None:
+        """End the children that are being bred, and begin no more, ever; it waits for nothing."""
+        self._stopped = self._closed = True
+        if (workers := self._workers) is not None:
+            workers.cancel()
+
     def close(self) -> None:
-        self.stop()
-        thread, workers = self._thread, self._workers
-        if thread is not None:
-            thread.join(2.0)
-        if workers is not None and not self.busy:  # busy workers end with this process
-            workers.close()
+        self.cancel()
+        if self._thread is not None:
+            self._thread.join(_PATIENCE)
+        if self._workers is not None and not self.busy:  # busy workers end with this process
+            self._workers.close()
 
     def sheet(self, brood: int, numbers: list[int], side: int) -> Sheet:
-        """Return small pictures of children."""
         pictures = {
             child.number: np.asarray(thumbnail(child.city, self._highest, side))
             for child in self._children_of(brood)
@@ -286,15 +283,17 @@ class Breeding:
             if child.number == number and child.city is not None:
                 return child
         raise RunError(
-            f"there is no child {number}", "a bred child of this brood", "choose another child"
+            f"this group of children has no bred child {number}",
+            "the number of a bred child",
+            "choose another child",
         )
 
     def _children_of(self, brood: int) -> list[Child]:
         if brood != self.number:
             raise RunError(
-                f"brood {brood} is over",
-                f"the current brood, {self.number}",
-                "look at the newest brood",
+                f"newer children have replaced the children of group {brood}",
+                f"the number of the present group of children, {self.number}",
+                "choose from the newest children",
             )
         return self.children
 
@@ -336,6 +335,8 @@ class Breeding:
             if self._workers is not None:
                 self._workers.close()
             self._workers, self.left = workers_of(moment.run)
+            if self._closed:  # meanwhile
+                self._workers.cancel()
             self._highest, self._workers_run = moment.thumbnails.highest, moment.fingerprint
             self._express = moment.run.header.chromosome.express
             source = moment.run.sources()[0].genome  # each worker loads its modules by this

@@ -12,27 +12,88 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
 
 from evocity import fitness
 from evocity.errors import EvocityError, FitnessError, RecipeError, RunError
 from evocity.recipe.reader import read_recipe
+from evocity.recipe.values import Title
 from evocity.search.calibration.calibration import USUAL_GOALS
 from evocity.search.calibration.recipe_text import describe_duration
 from evocity.search.record.complete_run import CompleteRun
-from evocity.studio.desk_maps import MEMORY, MapChoice, Maps
-from evocity.studio.draft import MOST_NAME, BeginRequest, Draft, GoalChoice, MapNumber
+from evocity.studio.desk_maps import MEMORY, MapChoice, Maps, Number, Window
 from evocity.studio.output_files import free_path, make_folder, write_error, write_recipe
-from evocity.studio.request_fields import RequestError, fault_of
+from evocity.studio.request_fields import Body, RequestError, fault_of, typed_field, whole_field
 from evocity.studio.subprocesses import DeskJob, RunProcesses, log_of
 
 #: Parents, and lines of progress that are kept; at most.
 MOST_PARENTS, _MOST_LINES = 8, 200
 
 
+#: Goals, at most; bytes of a name, so that a folder can have it.
+MOST_GOALS, MOST_NAME = 12, 200
+_YEAR = 60 * 24 * 365  # minutes
+_NAME = (
+    f'a name of at most 100 letters and {MOST_NAME} bytes, without any of / \\ : * ? " < > | '
+    "and without a dot at its start"
+)
+
+
+def _check_name(name: str) -> str:
+    if len(name.encode()) > MOST_NAME or not name.isprintable():
+        raise ValueError(f"a printable name of at most {MOST_NAME} bytes")
+    return name
+
+
+class GoalChoice(Body):
+    """A measure to search by: highest or lowest value, ``target``, or value of the first parent."""
+
+    measure: Annotated[str, Field(max_length=200)]
+    want: Literal["max", "min", "target", "first"]
+    target: Annotated[float | None, typed_field("target", "a number")] = None
+
+
+class Draft(Body):
+    """All choices at the desk. An empty ``name`` stands for a name made of the parents' names."""
+
+    name: Annotated[
+        Annotated[Title, AfterValidator(_check_name)] | Literal[""],
+        typed_field("name of the run", _NAME),
+    ] = ""
+    seed: Annotated[int, whole_field("seed", 0, 2**53 - 1)] = 7
+    population: Annotated[int, whole_field("individuals alive", 2, 1_000_000)] = 48
+    generations: Annotated[int, whole_field("generations", 1, 1_000_000)] = 100
+    minutes: Annotated[
+        float | None, typed_field("minutes", f"a number from 1 to {_YEAR}", ge=1, le=_YEAR)
+    ] = None
+    window: Window = Window()
+    maps: Annotated[tuple[MapChoice, ...], Field(max_length=64)] = ()
+    goals: Annotated[tuple[GoalChoice, ...], Field(max_length=MOST_GOALS)] = tuple(
+        GoalChoice(measure=name, want=fitness.get(name).goal or "first") for name in USUAL_GOALS
+    )
+
+    @property
+    def parents(self) -> list[MapChoice]:
+        return [choice for choice in self.maps if choice.chosen]
+
+
+class MapNumber(Body):
+    """A request about one map of the desk, or one run that began there."""
+
+    map: Number
+
+
+class BeginRequest(Body):
+    """A request to begin a run by the recipe of the desk, or by the ``given`` one."""
+
+    given: bool = False
+
+
 @dataclass(frozen=True)
 class OfferedMeasure:
-    """A measure at the desk: one of evocity's own, or of a ``file`` of the command line, which may
-    have ``several``."""
+    """A measure of evocity, or of a ``file`` of the command line, which may have ``several``."""
 
     measure: fitness.Measure
     file: str | None = None
@@ -40,7 +101,6 @@ class OfferedMeasure:
 
     @property
     def state(self) -> dict:
-        """Plain values for the page."""
         measure = self.measure
         return {
             "name": measure.name,
@@ -55,8 +115,7 @@ class OfferedMeasure:
 
 @dataclass
 class StartedRun:
-    """A run that began at the desk; ``run``: its number, None until it has a folder; ``has``:
-    whether it has a generation."""
+    """A run that began at the desk; ``has``: whether it has a generation."""
 
     name: str
     folder: Path
@@ -107,8 +166,7 @@ class Desk:
     # -- state -------------------------------------------------------------------------------------
 
     def state(self) -> dict:
-        """Return plain values for the page: the draft, the maps, the progress and the result of the
-        calibration, and the runs that began here."""
+        """Return plain values for the page."""
         with self._lock:
             result = self._result
             return {
@@ -125,12 +183,10 @@ class Desk:
             }
 
     def measures(self) -> list[dict]:
-        """Return all measures to search by, as plain values."""
         return [offered.state for offered in self._offered.values()]
 
     @property
     def busy(self) -> bool:
-        """Whether a recipe is being calibrated."""
         return self._thread is not None and self._thread.is_alive()
 
     def _given_recipe(self) -> dict | None:
@@ -142,7 +198,6 @@ class Desk:
         return {"path": str(self.given), "text": text}
 
     def _estimate(self, result: dict) -> dict:
-        """Return the time and disk space that a run takes."""
         above = self.home
         while not above.is_dir() and above != above.parent:
             above = above.parent
@@ -163,19 +218,22 @@ class Desk:
     # -- the draft ---------------------------------------------------------------------------------
 
     def change(self, draft: Draft) -> None:
-        """Replace the draft; a recipe for another draft is dropped. Raises `RequestError` for
-        unknown maps and measures."""
+        """Replace the draft; a recipe for another draft is dropped."""
         with self._lock:
             for choice in draft.maps:
                 _ = self.maps[choice.map]
             if len({choice.map for choice in draft.maps}) < len(draft.maps):
-                raise RequestError("a map is chosen twice", "each map once", "load the page again")
+                raise RequestError(
+                    "the page chose one map twice",
+                    "each map once",
+                    "load the page again, and choose the maps again",
+                )
             names = [goal.measure for goal in draft.goals]
             for name in names:
                 if name not in self._offered or names.count(name) > 1:
                     raise RequestError(
-                        f"{name!r} is not in the list of measures, or is chosen twice",
-                        "a measure of the list, once",
+                        f"the measure {name!r} is unknown, or the goals name it twice",
+                        "each measure of the list at most once",
                         "choose another measure",
                     )
             self._check_idle()
@@ -186,13 +244,12 @@ class Desk:
     def _check_idle(self) -> None:
         if self.busy:
             raise RunError(
-                "a recipe is already being calibrated",
+                "studio is already making a recipe",
                 "one recipe at a time",
-                "wait for it, or stop it",
+                "wait for that recipe, or stop it",
             )
 
     def drop(self, request: MapNumber) -> None:
-        """Remove a user's map from the desk."""
         with self._lock:
             kept = tuple(choice for choice in self.draft.maps if choice.map != request.map)
             self.change(self.draft.model_copy(update={"maps": kept}))
@@ -208,20 +265,21 @@ class Desk:
     # -- calibration -------------------------------------------------------------------------------
 
     def calibrate(self) -> None:
-        """Begin the calibration of a recipe for the draft. Raises `EvocityError` for a draft that
-        is not complete, and where its maps cannot be copied; then no file remains."""
+        """Begin the calibration of a recipe for the draft. After an error no file remains."""
         with self._lock:
             self._check_idle()
             draft = self.draft
             if not 1 <= len(draft.parents) <= MOST_PARENTS:
                 raise RecipeError(
-                    f"{len(draft.parents)} maps are chosen",
-                    f"1 to {MOST_PARENTS} maps, better two or more",
-                    "choose maps to breed from",
+                    f"the choice has {len(draft.parents)} maps as parents",
+                    f"1 to {MOST_PARENTS} maps, preferably two or more",
+                    "choose other maps as parents",
                 )
             if not draft.goals:
                 raise FitnessError(
-                    "no measure is chosen", "one or more measures", "choose a measure"
+                    "the choice has no measure as a goal",
+                    "one or more measures",
+                    "add a measure to the goals",
                 )
             # the usual goals may lack a measure that a parent does not have; chosen goals may not
             is_usual = set(draft.goals) == set(Draft().goals)
@@ -249,12 +307,17 @@ class Desk:
     def _goal(self, choice: GoalChoice) -> dict:
         offered = self._offered[choice.measure]
         if choice.want == "target" and choice.target is None:
-            raise FitnessError(f"{choice.measure} has no target", "a number", "type a target")
+            raise FitnessError(
+                f"the goal of the measure {choice.measure} is a target without a number",
+                "a number as target",
+                "type the target, or choose another goal",
+            )
         if choice.want == "first" and offered.measure.goal is not None:
             raise FitnessError(
-                f"{choice.measure} cannot be a goal “as in the first parent”",
-                "the highest value, the lowest value, or a target",
-                "choose another goal",
+                f"the measure {choice.measure} cannot have the goal “the value of the first "
+                "parent”",
+                "the goal of a high value, a low value, or a target",
+                "choose one of these goals",
             )
         goal = choice.want if choice.want in ("max", "min") else None
         return {
@@ -266,8 +329,7 @@ class Desk:
         }
 
     def _copied_maps(self, draft: Draft) -> tuple[Path, list[dict]]:
-        """Copy the maps of the parents into a new folder; return it and each parent as a recipe
-        there has it."""
+        """Copy the parents' maps into a new folder; return it, and parents for a recipe there."""
         folder = self.maps.folder / f"recipe-{self._draft_turn}"
         self._draft_turn += 1
         try:
@@ -298,21 +360,21 @@ class Desk:
             self._fault = error
         except Exception as error:  # the page shows it
             self._fault = RunError(
-                f"{type(error).__name__}: {error}", "a recipe without errors", "try again"
+                f"studio could not make the recipe: {type(error).__name__}: {error}",
+                "a recipe without errors",
+                "correct the choices that the error names, and make the recipe again",
             )
         finally:
             shutil.rmtree(Path(job["path"]).parent, ignore_errors=True)
 
     def stop(self) -> None:
-        """Stop the calibration."""
         if self._job is not None:
             self._job.stop()
 
     # -- a run -------------------------------------------------------------------------------------
 
     def begin(self, request: BeginRequest) -> None:
-        """Carry out the recipe, in a new folder. Raises `RunError` without a recipe, and where a
-        file cannot be written; then no file remains."""
+        """Carry out the recipe, in a new folder. After an error no file remains."""
         with self._lock:
             made = None  # a folder for this run only
             if request.given and self.given is not None:
@@ -323,7 +385,9 @@ class Desk:
                 made = recipe.parent
             else:
                 raise RunError(
-                    "there is no recipe yet", "a calibrated recipe", "make the recipe first"
+                    "studio has not made a recipe yet",
+                    "a finished recipe",
+                    "press “make the recipe” first",
                 )
             started = StartedRun(path.name, path, recipe.resolve())
             words = ["run", str(started.recipe), "--out", str(path)]
@@ -336,8 +400,7 @@ class Desk:
             self._started.append(started)
 
     def _write_recipe(self, text: str) -> tuple[Path, Path]:
-        """Write the recipe with its maps into a folder beside the run; return the paths of the run
-        and of the recipe."""
+        """Write the recipe with its maps beside the run; return the paths of run and recipe."""
         path = self._free_path(self.draft.name or self._usual_name(self.draft), True)
         folder = path.with_name(f"{path.name}-recipe")
         try:
@@ -350,8 +413,7 @@ class Desk:
         return path, folder / "recipe.toml"
 
     def _free_path(self, name: str, with_recipe: bool) -> Path:
-        """Return a free path for a run with a ``name``, or the name and a number; make the folder
-        of its recipe ``with_recipe``."""
+        """Return a free path for a run; make the folder of its recipe ``with_recipe``."""
         taken = {run.folder for run in self._started if self._processes.is_busy(run.folder)}
 
         def is_free(path: Path) -> bool:
@@ -364,13 +426,14 @@ class Desk:
         return path
 
     def end(self, request: MapNumber) -> None:
-        """End a run of this desk, by its place in the list, before it has a folder; later `evocity
-        stop` ends it."""
+        """End a run of this desk, by its place in the list, before it has a folder."""
         with self._lock:
             place = request.map
             if not 0 <= place < len(self._started):
                 raise RequestError(
-                    f"there is no run {place}", "a run that began here", "load the page again"
+                    f"the list of started runs has no run {place}",
+                    "a run that this page started",
+                    "load the page again",
                 )
             self._processes.end(self._started[place].folder)
 

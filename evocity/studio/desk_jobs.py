@@ -48,8 +48,7 @@ def _end_with_studio() -> None:
 
 
 def _read_maps(job: Mapping, send: Callable) -> None:
-    """Read the ``maps``: each a file or a bundled district, options of `read_map`, and the path of
-    its picture. Send the facts of each map, or the error."""
+    """Read the ``maps`` with options of `read_map`. Send the facts of each map, or the error."""
     from PIL import Image
 
     from evocity.io import read_map
@@ -77,8 +76,7 @@ def _read_maps(job: Mapping, send: Callable) -> None:
 
 
 def _calibrate(job: Mapping, send: Callable) -> None:
-    """Calibrate a recipe for the ``words`` and ``goals``, as it would stand at ``path``; the folder
-    there has the maps."""
+    """Calibrate a recipe for the ``words`` and ``goals``, as it would lie at ``path``."""
     from evocity.fitness import get
     from evocity.fitness.registry import load_file
     from evocity.search.calibration.recipe_text import Goal

@@ -46,7 +46,7 @@ def _metres(name: str) -> Any:
 class Window(Body):
     """The window at which all maps are read."""
 
-    pixels: Annotated[int, whole_field("side of the window, pixels", 8, MAX_SIDE)] = 256
+    pixels: Annotated[int, whole_field("width of the square map in pixels", 8, MAX_SIDE)] = 256
     metres_per_pixel: Annotated[float, _metres("metres per pixel")] = 2.0
 
 
@@ -62,21 +62,22 @@ class MapChoice(Body):
     ] = None
     layer: Annotated[
         str | None,
-        typed_field("layer of the buildings", "1 to 100 letters", min_length=1, max_length=100),
+        typed_field(
+            "layer that contains the buildings", "1 to 100 letters", min_length=1, max_length=100
+        ),
     ] = None
     default_height: Annotated[float | None, _metres("default height")] = None
     height_scale: Annotated[float | None, _metres("metres of a grey level or unit")] = None
 
     @property
     def options(self) -> dict[str, Any]:
-        """The given options, as in a recipe."""
         return self.model_dump(exclude={"map", "chosen"}, exclude_none=True, mode="json")
 
 
 @dataclass
 class MapEntry:
-    """One map: ``about``, the facts that its reader returned, or the ``fault``; ``turn``, how often
-    it was read; the options ``requested`` and those of the last reading (``read``)."""
+    """One map: the facts ``about`` it or the ``fault``; ``turn``, how often it was read; the
+    options ``requested`` and those of the last reading (``read``)."""
 
     number: int
     title: str
@@ -91,12 +92,10 @@ class MapEntry:
 
     @property
     def is_own(self) -> bool:
-        """Whether a user brought it."""
         return bool(self.suffix)
 
     @property
     def state(self) -> dict:
-        """Plain values for the page."""
         return {
             "map": self.number,
             "title": self.title,
@@ -111,8 +110,7 @@ class MapEntry:
 
 
 class Maps:
-    """All maps on the desk, by number. One thread has processes read them, again after each change
-    of the window."""
+    """All maps on the desk, by number. One thread has processes read them."""
 
     def __init__(self) -> None:
         self._home: ProcessFolder | None = None
@@ -130,7 +128,9 @@ class Maps:
         with self._changed:
             if number not in self._entries:
                 raise RequestError(
-                    f"there is no map {number}", "a map on the desk", "load the page again"
+                    f"the page has no map {number}",
+                    "the number of a map on the page",
+                    "load the page again",
                 )
             return self._entries[number]
 
@@ -140,15 +140,14 @@ class Maps:
 
     @property
     def folder(self) -> Path:
-        """A temporary folder, made at first use and removed with the desk. Raises `MapError` where
-        it cannot be made."""
+        """A temporary folder, made at first use and removed with the desk."""
         with self._changed:
             if self._home is None:
                 try:
                     self._home = ProcessFolder("evocity-desk-")
                 except OSError as error:
                     raise MapError(
-                        f"no temporary folder can be made: {error.strerror or error}",
+                        f"studio cannot make a temporary folder: {error.strerror or error}",
                         "free space for a temporary folder",
                         "free some space, or set TMPDIR to another folder and start studio again",
                     ) from error
@@ -166,8 +165,7 @@ class Maps:
     # -- files -------------------------------------------------------------------------------------
 
     def begin(self, name: str) -> tuple[Path, str]:
-        """Return the path for a file called ``name``, and its suffix. Raises `MapError` for the
-        name of any other file, and where the desk is full."""
+        """Return the path for a file called ``name``, and its suffix. Raises `MapError`."""
         lower = name.lower()
         suffix = next((one for one in SUFFIXES if lower.endswith(one)), None)
         if suffix is None:
@@ -182,9 +180,9 @@ class Maps:
             own = [entry for entry in self._entries.values() if entry.is_own]
             if len(own) >= MOST_MAPS or sum(entry.size for entry in own) >= MOST_BYTES:
                 raise MapError(
-                    f"{len(own)} files are on the desk",
+                    f"the page already has {len(own)} files",
                     f"at most {MOST_MAPS} files, and {format_bytes(MOST_BYTES)} in total",
-                    "remove a file",
+                    "remove a file, then add the new file",
                 )
             number, self._next = self._next, self._next + 1
         return self.folder / f"map-{number}{suffix}", suffix
@@ -208,9 +206,9 @@ class Maps:
         entry = self[number]
         if not entry.is_own:
             raise RequestError(
-                f"{entry.title} comes with evocity and stays on the desk",
-                "a file of your own",
-                "leave this map on the desk",
+                f"the map {entry.title} comes with evocity and cannot be removed",
+                "a map from a file of your own",
+                "leave this map on the page without choosing it",
             )
         with self._changed:
             self._entries.pop(number, None)
@@ -270,8 +268,7 @@ class Maps:
                 self._fail(MapError(fault, "a process that reads it", remedy), options)
 
     def _fail(self, fault: EvocityError, options: dict[int, dict]) -> None:
-        """Give the ``fault`` to the first map without a result, unless it is gone; the others are
-        read again."""
+        """Give the ``fault`` to the first map without a result; the others are read again."""
         with self._changed:
             for number, requested in options.items():
                 entry = self._entries.get(number)
@@ -304,8 +301,8 @@ class Maps:
                 return self._picture(number).read_bytes()
         raise RequestError(
             f"map {number} has no picture yet",
-            "a map that is already read",
-            "wait until the map is read",
+            "a map that studio has read",
+            "wait until studio has read the map",
         )
 
     def close(self) -> None:

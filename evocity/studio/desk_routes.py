@@ -11,8 +11,7 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response
 from evocity.errors import EvocityError, MapError, reason_of
 from evocity.fitness import Measure
 from evocity.studio import guard
-from evocity.studio.desk import Desk
-from evocity.studio.draft import BeginRequest, Draft, MapNumber
+from evocity.studio.desk import BeginRequest, Desk, Draft, MapNumber
 from evocity.studio.request_fields import Body, RequestError, fault_of, number
 from evocity.studio.runs import Runs
 from evocity.studio.subprocesses import RunProcesses
@@ -23,9 +22,8 @@ _LONGEST_NAME = 1000
 
 @dataclass(frozen=True)
 class StudioOptions:
-    """Options of the command line: the ``folder`` of runs, None for that of the first run, else
-    `runs`; whether it is ``fresh`` and may be missing; ``files`` of measures, each with its
-    measures; a ``recipe`` to begin as it is."""
+    """Options of the command line: the ``folder`` of runs; whether it is ``fresh`` and may be
+    missing; ``files`` of measures, each with its measures; a ``recipe`` to begin as it is."""
 
     folder: Path | None = None
     fresh: bool = False
@@ -45,7 +43,6 @@ class DeskRoutes:
 
     @property
     def questions(self) -> Mapping[str, Callable[[Request], object]]:
-        """Addresses that change nothing."""
         return {
             "desk": lambda request: self._state(),
             "desk-measures": lambda request: {"measures": self.desk.measures()},
@@ -87,7 +84,9 @@ class DeskRoutes:
         try:
             if not 0 < len(name) <= _LONGEST_NAME:
                 raise RequestError(
-                    "a file has no name", "a file with a name", "load the page again"
+                    "the uploaded file has no name",
+                    "a file with a name",
+                    "load the page again, and choose the file again",
                 )
             try:
                 path, suffix = self.desk.maps.begin(name)
@@ -110,9 +109,9 @@ class DeskRoutes:
             return PlainTextResponse("the file is incomplete\n", 400)
         except OSError as error:
             fault = MapError(
-                f"the file cannot be kept: {reason_of(error)}",
+                f"studio cannot store the uploaded file: {reason_of(error)}",
                 "free space in the folder of temporary files",
-                "check the free space",
+                "free some space on that disk, and upload the file again",
             )
             return JSONResponse({"error": fault_of(fault)}, 409, {"connection": "close"})
         finally:

@@ -23,16 +23,15 @@ BOARD, MARKED = "the drawing board", "the marked part"
 
 
 class Mask(Body):
-    """Squares of ``cell`` px from the north-west, row by row: ``1`` is marked. The last square of a
-    row or column may reach beyond the map."""
+    """Squares of ``cell`` px from the north-west, row by row: ``1`` is marked."""
 
     cell: Annotated[int, Field(ge=1, lt=2**15)]
     marked: Annotated[str, Field(min_length=1, max_length=MOST_CELLS**2, pattern="^[01]+$")]
 
 
 class Drawing(Body):
-    """``locked``: where the child has the heights of the first parent. ``within``: where measures
-    are taken; the whole map where it is None or empty."""
+    """``locked``: where the child has the heights of the first parent. ``within``: where to
+    measure."""
 
     locked: Mask | None = None
     within: Mask | None = None
@@ -43,7 +42,7 @@ def marked_pixels(mask: Mask, height: int, width: int) -> np.ndarray:
     rows, columns = -(-height // mask.cell), -(-width // mask.cell)
     if len(mask.marked) != rows * columns:
         raise RunError(
-            f"the mask has {len(mask.marked)} cells of {mask.cell} px",
+            f"the mask has {len(mask.marked)} cells with sides of {mask.cell} px",
             f"{rows} × {columns} cells on a map of {height} × {width} px",
             "draw the mask on a map of this run",
         )
@@ -52,16 +51,19 @@ def marked_pixels(mask: Mask, height: int, width: int) -> np.ndarray:
 
 
 def lock_layer(drawing: Drawing, parents: Sequence[Genome]) -> Condensation | None:
-    """Return the locked layer of a child of ``parents``: the lock of the run, then the heights of
-    the first parent where the ``drawing`` marks; None without any lock. Raises `RunError` if the
-    whole map is locked."""
+    """Return the locked layer of a child: the lock of the run, then the heights of the first parent
+    where the ``drawing`` marks; None without any lock."""
     kept = parents[0].condensation
     if drawing.locked is None:
         return kept
     city: CityMap = decoded(parents[0]).city
     mask = marked_pixels(drawing.locked, *city.shape)
     if mask.all():
-        raise RunError("the whole map is locked", "some pixels without a lock", "unlock a part")
+        raise RunError(
+            "the lock covers the whole map",
+            "some pixels that the child may change",
+            "erase the lock from a part of the map",
+        )
     if not mask.any():
         return kept
     layer = Condensation.cut(city, mask)
@@ -78,10 +80,9 @@ def measured_part(drawing: Drawing, parents: Sequence[Genome]) -> Part | None:
 
 
 def board_of(parents: Sequence[Genome]) -> tuple[dict, bytes]:
-    """Return the board of two ``parents``: rows, columns, metres a pixel; the side of the ``grid``
-    of macro-blocks, px; the side of a ``cell``, at least as large; the number of ``lifs`` of the
-    first parent, and the row, column and side of each, px, int32. Raises `OperatorError` for
-    parents without a common grid."""
+    """Return the board of two ``parents``: rows, columns, metres per pixel, side of the ``grid`` of
+    macro-blocks and of a ``cell``, px, and the number of ``lifs``; row, column and side of each,
+    int32."""
     first = parents[0]
     pavement, grid = first.pavement, common_grid(BOARD, parents).block
     about = {

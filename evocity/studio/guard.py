@@ -4,18 +4,20 @@ Any page of the web can have a browser send requests to this machine. By a host 
 it could even read the answers. So each request must name this server by a name of its own and come
 from its own page. It must also bring the cookie that studio gave for the token in the address. No
 form and no link can send a change: it is JSON of limited length, or, at one address, a file of
-limited length.
+limited length. Only the address with its token may be opened from elsewhere: by a file of
+`evocity.studio.browser`, or a link. The answer then is a page that leads on to studio's own.
 """
 
 import re
 import secrets
+import threading
 from collections.abc import Awaitable, Callable, MutableMapping
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs
 
 from starlette.datastructures import Headers
-from starlette.responses import JSONResponse, PlainTextResponse, Response
+from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
 
 from evocity.errors import MapError, format_bytes
 from evocity.studio.request_fields import fault_of
@@ -58,6 +60,11 @@ _HEADERS = {
     "permissions-policy": "camera=(), geolocation=(), microphone=()",
     "cache-control": "no-store",
 }
+#: The page that a browser gets which another page, or a file, has led here.
+_ONWARD = (
+    '<!doctype html><meta charset="utf-8"><title>evocity studio</title>'
+    '<meta http-equiv="refresh" content="0; url=/">'
+)
 # All addresses have only these characters.
 _PLAIN = re.compile(rb"(?:/[a-z0-9][a-z0-9_-]*(?:\.[a-z0-9]+)*)+|/", re.ASCII)
 
@@ -74,14 +81,12 @@ class FileTooLong(MapError):
 
     @property
     def answer(self) -> Response:
-        """The answer, in three parts as for any error."""
         # the rest of the file stays unread, as in `_refuse`
         return JSONResponse({"error": fault_of(self)}, 413, {"connection": "close"})
 
 
 class Guard:
-    """An application that passes to ``app`` only requests of its own page, at the loopback
-    ``port``."""
+    """An application that passes to ``app`` only requests of its own page, at the ``port``."""
 
     def __init__(self, app: App, port: int):
         self._app = app
@@ -89,6 +94,8 @@ class Guard:
         #: The token in the address that is opened first.
         self.token = secrets.token_urlsafe(SECRET)
         self._cookie, self._secret = f"evocity-{port}", secrets.token_urlsafe(SECRET)
+        #: Set once a request has brought the token.
+        self.opened = threading.Event()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":  # no websockets; the start and the end need no act
@@ -109,6 +116,7 @@ class Guard:
                 ]
                 added = [(name.encode(), value.encode()) for name, value in _HEADERS.items()]
                 if has_token and message["status"] == 200:
+                    self.opened.set()
                     cookie = f"{self._cookie}={self._secret}; HttpOnly; SameSite=Strict; Path=/"
                     added.append((b"set-cookie", cookie.encode()))
                 message = {**message, "headers": kept + added}
@@ -116,6 +124,9 @@ class Guard:
 
         if refused is not None:
             await refused(scope, receive, send_with_headers)
+        elif has_token and not _is_own_site(headers):
+            # a browser withholds the cookie from a page that another one has opened
+            await HTMLResponse(_ONWARD)(scope, receive, send_with_headers)
         else:
             await self._app(scope, receive if body is None else _replay(body), send_with_headers)
 
@@ -127,7 +138,7 @@ class Guard:
         origins = headers.getlist("origin")
         if any(origin != f"http://{hosts[0]}" for origin in origins):
             return _refuse(403, "the request comes from a page of another site")
-        if any(site not in ("same-origin", "none") for site in headers.getlist("sec-fetch-site")):
+        if not _is_own_site(headers) and not (_is_opening(headers) and self._has_token(scope)):
             text = "the request comes from another site; paste the address of studio into a new tab"
             return _refuse(403, text)
         raw = scope.get("raw_path", b"")
@@ -150,6 +161,10 @@ class Guard:
             return _refuse(400, "GET has no body")
         return None
 
+    def admits(self, scope: Scope) -> bool:
+        """Whether a request brings the token or the cookie."""
+        return self._has_token(scope) or self._has_cookie(Headers(scope=scope))
+
     def _has_token(self, scope: Scope) -> bool:
         if scope["path"] != "/" or scope["method"] not in ("GET", "HEAD"):
             return False
@@ -165,6 +180,18 @@ class Guard:
                 continue
             values += [] if cookie is None else [cookie.value]
         return len(values) == 1 and _is_same(values[0], self._secret)
+
+
+def _is_own_site(headers: Headers) -> bool:
+    """Whether a request comes from studio's own page, or from the browser's address bar."""
+    sites = headers.getlist("sec-fetch-site")
+    return all(site in ("same-origin", "none") for site in sites)
+
+
+def _is_opening(headers: Headers) -> bool:
+    """Whether a browser opens a page of its own window, as by the file of `opened_browser`."""
+    modes, kinds = headers.getlist("sec-fetch-mode"), headers.getlist("sec-fetch-dest")
+    return (modes, kinds) == (["navigate"], ["document"])
 
 
 def _is_same(value: str, secret: str) -> bool:

@@ -30,8 +30,7 @@ _EXECUTING = ("notify", "evaluation")
 
 
 class KeepRequest(Body):
-    """A request to keep ``children`` of a ``brood``, of the ``board`` or another; the ``picks`` of
-    the run join the recipe as parents."""
+    """A request to keep ``children`` of a ``brood``; the ``picks`` join the recipe as parents."""
 
     brood: Annotated[int, Field(ge=1, lt=2**31)]
     children: Annotated[tuple[Id, ...], Field(min_length=1, max_length=MOST_CHILDREN)]
@@ -40,14 +39,10 @@ class KeepRequest(Body):
 
 
 def keep_children(run: RunLog, breeding: Breeding, request: KeepRequest, is_own: bool) -> dict:
-    """Write the genomes of children and a ``recipe.toml`` into a new folder; return its name and
-    the parts that the recipe leaves out.
-
-    The folder lies beside the ``run``, or in the user's state folder unless the run ``is_own``. The
-    recipe is that of the run with other parents and another name. For a run that began elsewhere
-    it has only evocity's own measures, and no section that could execute something. Raises
-    `RunError` for an unknown child, and where nothing can be written; then no file remains.
-    """
+    """Write the genomes of children and a ``recipe.toml`` into a new folder beside the ``run``, or
+    in the user's state folder unless the run ``is_own``. Return its name and the parts that the
+    recipe leaves out: for a run that began elsewhere, all that could execute something. After an
+    error no file remains."""
     kept = [breeding.child(request.brood, number) for number in dict.fromkeys(request.children)]
     folder = _new_folder(run, is_own)
     try:
@@ -138,7 +133,7 @@ def _free_file(recipe: Recipe) -> str:
 
 def _within(text: str, recipe: Recipe, part: Part, name: str) -> tuple[str, list[str]]:
     """Return the ``text`` of a ``recipe`` with its measures taken within a ``part``, the file
-    ``name``; and the measures that are not, each with the reason."""
+    ``name``; and the other measures, each with the reason."""
     head, raw = text.partition("\n")[0], tomllib.loads(text)
     named = _texts_in({key: value for key, value in raw.items() if key != "fitness"})
     left = []
@@ -155,8 +150,7 @@ def _within(text: str, recipe: Recipe, part: Part, name: str) -> tuple[str, list
 
 
 def _reason_against(entry: MeasureEntry, named: set[str], part: Part) -> str | None:
-    """Return why measures cannot be taken of a ``part``, None if they can. ``named``: the names in
-    other sections; a measure of a part has another name."""
+    """Return why measures cannot be taken of a ``part``; ``named``: names in other sections."""
     if named.intersection(measure.name for measure in entry.measures):
         return "another section of the recipe names it"
     try:
@@ -177,8 +171,7 @@ def _texts_in(value: object) -> set[str]:
 
 
 def _harmless_recipe(raw: Mapping) -> tuple[dict, list[str]]:
-    """Return a recipe without parts that execute something or read files of another machine, and
-    the names of these parts."""
+    """Return a recipe without parts that execute something or read files, and these parts."""
     left = [f"[{key}]" for key in (*_EXECUTING, "locked", "within") if raw.get(key) is not None]
     kept = {k: v for k, v in raw.items() if k not in (*_EXECUTING, "locked", "within")}
     entries = [entry for entry in kept.get("fitness", []) if isinstance(entry, Mapping)]

@@ -12,8 +12,7 @@ _MOST_NAMES = 10_000
 
 
 def free_path(above: Path, name: str, is_free: Callable[[Path], bool]) -> Path:
-    """Return the first free path in a folder, which is made: ``name``, or the name and a number.
-    Raises `RunError` where there is none."""
+    """Return the first free path in a folder, which is made: ``name``, or name and number."""
     try:
         above.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -23,12 +22,13 @@ def free_path(above: Path, name: str, is_free: Callable[[Path], bool]) -> Path:
         if is_free(path):
             return path
     raise RunError(
-        f"{above} has {_MOST_NAMES} entries named {name}", "fewer entries", "choose another name"
+        f"the folder {above} already has {_MOST_NAMES} numbered folders named {name}",
+        f"fewer than {_MOST_NAMES} numbered folders of one name",
+        "choose another name",
     )
 
 
 def make_folder(folder: Path) -> Path:
-    """Make a new ``folder``. Raises `RunError` where it cannot be made."""
     try:
         folder.mkdir()
     except OSError as error:
@@ -44,12 +44,11 @@ def write_recipe(path: Path, text: str) -> Recipe:
 
 
 def write_error(path: Path, error: Exception) -> EvocityError:
-    """Return the ``error`` to raise for a ``path`` that cannot be written; an `EvocityError` as it
-    is."""
+    """Return the `RunError` for a ``path`` that cannot be written; an `EvocityError` as it is."""
     if isinstance(error, EvocityError):
         return error
     return RunError(
         f"{path} cannot be written: {reason_of(error)}",
-        "a folder that this user may write to, with free space",
-        "check the owner of the folder and the free space",
+        "a folder in which you have the right to write, with free space",
+        "check the owner of the folder, and the free space on its disk",
     )

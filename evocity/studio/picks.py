@@ -11,9 +11,8 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationError
 
 from evocity.errors import RunError
-from evocity.files import whole_file
 from evocity.search.preparation.trust import state_folder
-from evocity.store.safe_open import read_bytes
+from evocity.store.run_directory import RunDirectory
 from evocity.studio.output_files import write_error
 from evocity.studio.request_fields import Body, Id
 
@@ -25,15 +24,12 @@ _Note = Annotated[str, Field(max_length=MOST_LETTERS)]
 
 
 class Pick(Body):
-    """A picked birth and its note."""
-
     id: Id
     note: _Note = ""
 
 
 class PickChange(Body):
-    """A change that the page requests: ``pick`` more births, ``drop`` some, write a ``note``, or
-    ``undo`` the last change."""
+    """A change that the page requests."""
 
     change: Literal["pick", "drop", "note", "undo"]
     ids: Annotated[tuple[Id, ...], Field(max_length=MOST_PICKS)] = ()
@@ -52,8 +48,8 @@ class PicksFile(Body):
 
 
 class Picks:
-    """The picks of the run in ``folder``. ``is_own``: this user may write there; otherwise the
-    state folder of the user keeps them. Every change is on the disk before it is answered."""
+    """The picks of the run in ``folder``; if the folder is not ``is_own``, the state folder of the
+    user keeps them. Every change is on the disk before it is answered."""
 
     def __init__(self, folder: Path):
         self._lock = threading.Lock()
@@ -72,8 +68,7 @@ class Picks:
         }
 
     def change(self, request: PickChange, known: Collection[int]) -> dict:
-        """Change the picks among the ``known`` births; return the new `state`. Raises `RunError`
-        for unknown births, for too many picks, and where the file cannot be written."""
+        """Change the picks among the ``known`` births; return the new `state`."""
         with self._lock:
             kept = self._read()
             if request.change == "undo":
@@ -83,14 +78,16 @@ class Picks:
             unknown = [n for n in request.ids if n not in known]
             if unknown and request.change != "drop":  # births that are gone may be dropped
                 raise RunError(
-                    f"the run has no birth {unknown[0]}", "births of the run", "pick other births"
+                    f"the run has no birth {unknown[0]}",
+                    "ids of births in this run",
+                    "pick other births",
                 )
             picks = tuple(_changed_picks(kept.picks, request))
             if len(picks) > MOST_PICKS:
                 raise RunError(
                     f"{len(picks)} picks are too many",
                     f"at most {MOST_PICKS} picks",
-                    "drop some first",
+                    "remove some picks first",
                 )
             if picks != kept.picks:
                 before = (*kept.before, kept.picks)[-MOST_STEPS:]
@@ -101,20 +98,21 @@ class Picks:
         if not os.path.lexists(self.path):
             return PicksFile()
         try:
-            return PicksFile.model_validate_json(read_bytes(self.path))
+            content = RunDirectory(self.path.parent).read(self.path.name)
+            return PicksFile.model_validate_json(content)
         except (OSError, ValidationError, RecursionError) as error:
             raise RunError(
-                f"{self.path} cannot be read as picks ({type(error).__name__})",
-                "a file that studio wrote",
-                "move the file elsewhere, or restore it from a copy",
+                f"studio cannot read the picks in {self.path} ({type(error).__name__})",
+                "a file of picks that studio wrote",
+                "move the file elsewhere, or restore it from a backup",
             ) from None
 
     def _write(self, kept: PicksFile) -> None:
         try:
             if not self.is_own:
                 self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-            with whole_file(self.path) as temporary:
-                temporary.write_text(kept.model_dump_json(indent=1) + "\n", encoding="utf-8")
+            text = kept.model_dump_json(indent=1) + "\n"
+            RunDirectory(self.path.parent).write_bytes(self.path.name, text.encode())
         except OSError as error:
             raise write_error(self.path, error) from error
 

@@ -28,8 +28,8 @@ class Body(BaseModel):
 
 
 def typed_field(name: str, expected: str, **limits: Any) -> Any:
-    """Return a field of a `Body` that a user types: its ``name`` on the page, what is ``expected``
-    in words, and the ``limits`` of pydantic."""
+    """Return a field that a user types: its ``name`` on the page, ``expected`` in words,
+    ``limits``."""
     return Field(title=name, description=expected, **limits)
 
 
@@ -41,32 +41,33 @@ def whole_field(name: str, low: int, high: int) -> Any:
 def number(
     query: Mapping[str, str], name: str, low: int, high: int, usual: int | None = None
 ) -> int:
-    """Return the number ``name`` of a ``query``, from ``low`` to ``high``; ``usual`` where it is
-    missing. Raises `RequestError`."""
+    """Return the number ``name`` of a ``query``; ``usual`` where it is missing."""
     text = query.get(name)
     if text is None and usual is not None:
         return usual
     if text is None or not _NUMBER.fullmatch(text) or not low <= int(text) <= high:
         raise RequestError(
-            f"{name} = {spell(text)}", f"a number from {low} to {high}", "send such a number"
+            f"{name} = {spell(text)} is invalid",
+            f"a number from {low} to {high}",
+            f"choose a number from {low} to {high}",
         )
     return int(text)
 
 
 def numbers(query: Mapping[str, str], name: str, most: int) -> list[int]:
-    """Return the numbers between commas, in their order, without repeats; at most ``most``. Raises
-    `RequestError`."""
+    """Return the numbers between commas, in their order, without repeats; at most ``most``."""
     parts = query.get(name, "").split(",")
     if len(parts) > most or not all(_NUMBER.fullmatch(part) for part in parts):
         raise RequestError(
-            f"{name} = {spell(query.get(name))}", f"1 to {most} numbers", "send such numbers"
+            f"{name} = {spell(query.get(name))} is invalid",
+            f"1 to {most} numbers with commas between them",
+            f"send 1 to {most} numbers",
         )
     return list(dict.fromkeys(map(int, parts)))
 
 
 def parse_body(kind: type[Kind], content: bytes) -> Kind:
-    """Parse the ``content`` of a request. Raises `RequestError`, which names a field that a user
-    typed as the page does."""
+    """Parse a request. Raises `RequestError`, which names a typed field as the page does."""
     try:
         return kind.model_validate_json(content)
     except RecursionError:
@@ -102,5 +103,4 @@ def _body_in(annotation: Any) -> type[Body] | None:
 
 
 def fault_of(error: EvocityError) -> dict:
-    """Return the three parts of an ``error``."""
     return {"found": error.found, "expected": error.expected, "remedy": error.remedy}

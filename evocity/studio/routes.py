@@ -5,7 +5,7 @@ The page's own files stay in memory, so every other file has no address.
 
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Annotated
 
@@ -18,16 +18,16 @@ from starlette.routing import Route
 
 from evocity.analysis.arguments import check_count
 from evocity.analysis.distributions import QUANTITIES
-from evocity.analysis.fabric_genomes import fabric_of
+from evocity.analysis.individual import fabric_of
 from evocity.coding.usage import COUNTS
 from evocity.errors import EvocityError
 from evocity.studio import birth_details as details
+from evocity.studio.birth_details import Comparison, compare_births
 from evocity.studio.children import Brood, ReadyRequest, list_operators
 from evocity.studio.desk_routes import DeskRoutes, StudioOptions
 from evocity.studio.drawing_board import BOARD, board_of
 from evocity.studio.guard import FILE
 from evocity.studio.kept_children import KeepRequest, keep_children
-from evocity.studio.ordering import Comparison, compare_births
 from evocity.studio.picks import PickChange
 from evocity.studio.request_fields import (
     Body,
@@ -46,6 +46,7 @@ from evocity.viewer.sheet import MOST, SIDES, Sheet
 
 #: Births in one zip, at most.
 MOST_SAVED = 100
+_SAVED = {"zip": "application/zip", "png": "image/png", "csv": "text/csv; charset=utf-8"}
 _LARGEST = 2**31 - 1  # the page holds ids as int32
 _BYTES = "application/octet-stream"
 _PAGE = Path(__file__).parent / "page"
@@ -73,17 +74,12 @@ class SteerRequest(Body):
 
 
 class BirthIds(Body):
-    """A request for births as files."""
-
     ids: Annotated[list[Id], Field(min_length=1)]
 
 
 class Studio:
     """The answers about the runs at ``paths``, the runs in the folder of the ``options``, and the
-    desk. Raises `RunError` as `Runs`.
-
-    Addresses of one run are ``/api/NUMBER/NAME``, all others ``/api/NAME``.
-    """
+    desk. Addresses of one run are ``/api/NUMBER/NAME``, all others ``/api/NAME``."""
 
     def __init__(self, paths: Iterable[str | Path], options: StudioOptions):
         self.runs = Runs(paths, options.folder, options.fresh)
@@ -113,9 +109,7 @@ class Studio:
             "breed": (Brood, self.breed),
             "stop": (Body, self.stop),
             "keep": (KeepRequest, self.keep),
-            "zip": (BirthIds, self.zip),
-            "png": (BirthIds, self.png),
-            "csv": (BirthIds, self.csv),
+            **{suffix: (BirthIds, partial(self.saved, suffix)) for suffix in _SAVED},
             "stop-run": (Body, self.stop_run),
             "resume": (ResumeRequest, self.resume),
         }
@@ -146,8 +140,7 @@ class Studio:
     # -- questions ---------------------------------------------------------------------------
 
     def changes(self, run: OpenRun, request: Request) -> dict:
-        """Answer with `RunWatcher.news`, and whether there are ``more`` births since a generation;
-        also with the state of the ``process``, if studio began one."""
+        """Answer with `RunWatcher.news`, whether there are ``more`` births, and the ``process``."""
         after = number(request.query_params, "after", -1, _LARGEST)
         news = run.watcher.news()
         process = self.desk_routes.processes.state(run.watcher.path)
@@ -155,21 +148,22 @@ class Studio:
         return news | {"more": news["generation"] > after} | extra
 
     def births(self, run: OpenRun, request: Request) -> bytes:
-        """Answer with all births of whole generations, as columns."""
         with run.watcher.reading:
             run.watcher.news()
             return run.watcher.moment.buffer
 
     def tiles(self, run: OpenRun, request: Request) -> Sheet:
-        """Answer with small pictures of ``ids``, with a ``side`` of `SIDES`, as one image."""
         ids = numbers(request.query_params, "ids", MOST)
         side = number(request.query_params, "side", *SIDES)
         if side not in SIDES:
-            raise RequestError(f"side = {side}", f"one of {SIDES}", "choose one of these sizes")
+            raise RequestError(
+                f"side = {side} is invalid",
+                f"one of the widths {SIDES} in pixels",
+                "choose one of these widths",
+            )
         return run.watcher.sheet([n for n in ids if 0 <= n <= _LARGEST], side)
 
     def solids(self, run: OpenRun, request: Request) -> bytes:
-        """Answer with the triangles of one birth, see `Solids`."""
         return run.solids.of(number(request.query_params, "id", 0, _LARGEST))
 
     def compare(self, run: OpenRun, request: Comparison) -> bytes:
@@ -180,11 +174,9 @@ class Studio:
     # -- changes -----------------------------------------------------------------------------
 
     def pick(self, run: OpenRun, request: PickChange) -> dict:
-        """Change the picks."""
         return run.picks.change(request, set(run.watcher.moment.table.ids.tolist()))
 
     def steer(self, run: OpenRun, request: SteerRequest) -> dict:
-        """Send picks to the run, as `evocity pick` does."""
         from evocity.search.record import commands
 
         kind = commands.Pick if request.steer == "pick" else commands.Unpick
@@ -193,64 +185,56 @@ class Studio:
         return {"words": command.words, "going": going}
 
     def stop_run(self, run: OpenRun, request: Body) -> dict:
-        """Stop a run after its current generation."""
         stop_run(run.watcher.path)
         return {}
 
     def resume(self, run: OpenRun, request: ResumeRequest) -> dict:
-        """Resume a run that has ended."""
         resume_run(run.watcher.path, self.desk_routes.processes, request)
         return {}
 
     # -- children ----------------------------------------------------------------------------
 
     def brood(self, run: OpenRun, request: Request) -> dict:
-        """Answer with the state of the newest brood, of the ``board`` or another."""
         return run.broods(_is_board(request)).state()
 
     def brood_tiles(self, run: OpenRun, request: Request) -> Sheet:
-        """Answer with small pictures of children, by their numbers ``ids``."""
         children = numbers(request.query_params, "ids", MOST)
         return run.broods(_is_board(request)).sheet(_brood_of(request), children, SIDES[0])
 
     def brood_picture(self, run: OpenRun, request: Request) -> Response:
-        """Answer with a picture of the child with the number ``id``."""
         child = number(request.query_params, "id", 0, _LARGEST)
         picture = run.broods(_is_board(request)).picture(_brood_of(request), child)
         return Response(details.png_of(picture), media_type="image/png")
 
     def board(self, run: OpenRun, request: Request) -> tuple[dict, bytes]:
-        """Answer with the drawing board of two births, ``ids``."""
         ids = numbers(request.query_params, "ids", 2)
         if len(ids) != 2:
             raise RequestError(
-                "the same birth is chosen twice", "two different births", "choose another birth"
+                "the request compares a birth with itself",
+                "two different births",
+                "choose another birth for the comparison",
             )
         with run.watcher.reading:
             opened = run.watcher.moment.run
             return board_of([fabric_of(opened.header, opened.genome(n), BOARD) for n in ids])
 
     def ready(self, run: OpenRun, request: ReadyRequest) -> dict:
-        """Prepare workers and parents for a brood."""
         breeding = self.runs.breeding(run, request.board)
         with run.watcher.reading:
             breeding.prepare(run.watcher.moment, request.parents)
         return breeding.state()
 
     def breed(self, run: OpenRun, request: Brood) -> dict:
-        """Begin a brood."""
         breeding = self.runs.breeding(run, request.board)
         with run.watcher.reading:
             breeding.begin(request, run.watcher.moment)
         return breeding.state()
 
     def stop(self, run: OpenRun, request: Body) -> dict:
-        """Stop the brood."""
         run.breeding.stop()
         return run.breeding.state()
 
     def keep(self, run: OpenRun, request: KeepRequest) -> dict:
-        """Keep children in a new folder, with a recipe."""
         with run.watcher.reading:
             opened = run.watcher.moment.run
             opened.columns.rows(request.picks)  # raises for an unknown id
@@ -258,29 +242,19 @@ class Studio:
 
     # -- files -------------------------------------------------------------------------------
 
-    def zip(self, run: OpenRun, request: BirthIds) -> Response:
-        """Answer with births as files, with their scores and attribution."""
-        check_count("births in a zip", len(set(request.ids)), MOST_SAVED)
-        return self._saved(run, request, "births.zip", "application/zip")
-
-    def png(self, run: OpenRun, request: BirthIds) -> Response:
-        """Answer with births on a contact sheet."""
-        return self._saved(run, request, "births.png", "image/png")
-
-    def csv(self, run: OpenRun, request: BirthIds) -> Response:
-        """Answer with the scores of births as a table."""
-        return self._saved(run, request, "births.csv", "text/csv; charset=utf-8")
-
-    def _saved(self, run: OpenRun, request: BirthIds, name: str, kind: str) -> Response:
+    def saved(self, suffix: str, run: OpenRun, request: BirthIds) -> Response:
+        """Answer with births as files in a zip, on a contact sheet, or as a table."""
         ids = list(dict.fromkeys(request.ids))
+        if suffix == "zip":
+            check_count("births in a zip", len(ids), MOST_SAVED)
         with run.watcher.reading, tempfile.TemporaryDirectory() as folder:
-            births, path = run.watcher.moment.run, Path(folder) / name
-            if name.endswith(".csv"):
+            births, path = run.watcher.moment.run, Path(folder) / f"births.{suffix}"
+            if suffix == "csv":
                 births.to_csv(path, of=ids)
             else:
                 births.save(ids, path)
             content = path.read_bytes()
-        return Response(content, media_type=kind)
+        return Response(content, media_type=_SAVED[suffix])
 
 
 def _is_board(request: Request) -> bool:
@@ -292,16 +266,15 @@ def _brood_of(request: Request) -> int:
 
 
 def _word(name: str, known: Iterable[str]) -> Argument:
-    """Return a reader of the word ``name`` of a query, which raises `RequestError` for a word that
-    is not ``known``."""
+    """Return a reader of the word ``name`` of a query, which must be ``known``."""
 
     def read(query: Mapping[str, str]) -> str:
         word, words = query.get(name), list(known)
         if word not in words:
             raise RequestError(
-                f"the value of {name} is unknown",
+                f"the query parameter {name!r} has an unknown value",
                 f"{name} = {' or '.join(words)}",
-                "choose one of these",
+                "choose one of the expected values",
             )
         return word
 
@@ -314,8 +287,7 @@ def _other_birth(query: Mapping[str, str]) -> int | None:
 
 
 def _details(function: Callable[..., Answer], *readers: Argument) -> RunHandler:
-    """Return a handler for one birth: ``function`` gets the moment, the ``id``, and the arguments
-    that the ``readers`` find in the query."""
+    """Return a handler for one birth; the ``readers`` find further arguments in the query."""
 
     def answer(run: OpenRun, request: Request) -> Answer:
         arguments = [read(request.query_params) for read in readers]
@@ -386,8 +358,7 @@ def _response(answer: Answer) -> Response:
 
 @cache
 def page_files() -> dict[str, tuple[str, bytes]]:
-    """Return the kind and content of each file of the page, by address. The page is ``/``; its
-    modules and those of `evocity.viewer` are in ``/page``, all with different names."""
+    """Return the kind and content of each file of the page, by address. The page is ``/``."""
     files: dict[str, tuple[str, bytes]] = {}
     for path in sorted([*_PAGE.iterdir(), *VIEWER.iterdir()]):
         if path.suffix in _KINDS:

@@ -14,8 +14,9 @@ from evocity.analysis.pedigree import Pedigree
 from evocity.analysis.view_table import ViewTable
 from evocity.citymap import CityMap
 from evocity.errors import EvocityError, RunError
+from evocity.store.events import EVENTS
 from evocity.store.lock import is_held
-from evocity.store.safe_open import open_to_read
+from evocity.store.run_directory import RunDirectory
 from evocity.studio.tiles import Tiles
 from evocity.viewer.sheet import Sheet
 
@@ -26,16 +27,15 @@ MOST_LINE = 1 << 16
 
 
 def frame(about: dict, content: bytes) -> bytes:
-    """Join a JSON object and bytes: the length of the JSON, uint32, little-endian; the JSON, padded
-    with spaces to a multiple of four bytes; the bytes."""
+    """Join the length of the JSON, uint32, little-endian; the JSON, padded to four bytes; the
+    bytes."""
     head = json.dumps(about, allow_nan=False).encode()
     head += b" " * (-len(head) % 4)
     return len(head).to_bytes(4, "little") + head + content
 
 
 class Moment(ViewTable):
-    """All births up to a generation, as columns. The ``fingerprint`` is the same for all moments of
-    one run."""
+    """All births up to a generation; moments of one run have the same ``fingerprint``."""
 
     def __init__(self, run: Run, fingerprint: str):
         super().__init__(run)
@@ -43,7 +43,6 @@ class Moment(ViewTable):
 
     @property
     def about(self) -> dict:
-        """Plain values for the page."""
         header = self.run.header
         return {
             **super().about,
@@ -70,7 +69,6 @@ class Moment(ViewTable):
 
     @cached_property
     def cities(self) -> tuple[list[CityMap], list[CityMap]]:
-        """The source cities, and the cities that measures compare with."""
         return [source.city for source in self.run.sources()], list(self.run.references())
 
     @cached_property
@@ -79,8 +77,7 @@ class Moment(ViewTable):
 
 
 class RunWatcher:
-    """The run in the folder ``path``; one thread at a time reads it. Raises `RunError` if the
-    folder has no run, or a damaged one; later `news` reports such a problem."""
+    """The run in the folder ``path``; one thread at a time reads it."""
 
     def __init__(self, path: str | Path):
         self.path = Path(path).resolve()
@@ -92,7 +89,6 @@ class RunWatcher:
         self._look()
 
     def _look(self) -> dict:
-        """Look at the folder; return the `news`."""
         run = open_run(self.path)
         going = is_held(run.path / "lock")
         fingerprint, last = _fingerprint(run), run.generations[-1] if run.generations else -1
@@ -107,9 +103,8 @@ class RunWatcher:
         return {"run": fingerprint, "generation": last, "going": going, "problem": None}
 
     def news(self) -> dict:
-        """Return the last whole ``generation``, -1 before the first; the fingerprint of the
-        ``run``; whether a process is breeding it (``going``); the ``problem`` with the folder in
-        words, None without one."""
+        """Return the last complete ``generation``, -1 before the first; the fingerprint of the
+        ``run``; whether it is ``going``; the ``problem`` with the folder in words, or None."""
         with self.reading:
             if time.monotonic() >= self._until:
                 try:
@@ -132,14 +127,13 @@ class RunWatcher:
             self.news()
         if self._moment is None:
             raise RunError(
-                f"{self.path} has no whole generation yet",
-                "at least one whole generation",
+                f"{self.path} has no complete generation yet",
+                "at least one complete generation",
                 "wait for the first generation to end",
             )
         return self._moment
 
     def sheet(self, ids: list[int], side: int) -> Sheet:
-        """Return small pictures of births."""
         with self.reading:
             moment = self.moment
             return self._tiles.sheet(moment, ids, side)
@@ -148,7 +142,7 @@ class RunWatcher:
 def _fingerprint(run: Run) -> str:
     """Return letters and digits that differ for another run in the same folder."""
     begun = b""
-    with contextlib.suppress(OSError), open_to_read(run.path / "events.jsonl") as file:
+    with contextlib.suppress(OSError), RunDirectory(run.path).open(EVENTS) as file:
         begun = file.readline(MOST_LINE)
     parts = [repr(run.header), run.recipe_text, begun.decode(errors="replace")]
     return hashlib.blake2b("\0".join(parts).encode(errors="replace"), digest_size=12).hexdigest()

@@ -30,14 +30,13 @@ class OpenRun:
         self.board = Breeding()
 
     def broods(self, is_board: bool) -> Breeding:
-        """Return the broods of the board, or the others."""
         return self.board if is_board else self.breeding
 
 
 class Runs:
-    """Runs by number, 0 upwards, which no run changes while studio lives: the runs at ``paths``,
-    then all runs within ``folder``, also later ones. A run is opened at its first request. Raises
-    `RunError` for a path without a run, and for a missing folder unless it ``may_lack``."""
+    """Runs by number, which never changes: the runs at ``paths``, then all runs within ``folder``,
+    also later ones. A run is opened at its first request. The folder may be missing if it
+    ``may_lack``."""
 
     def __init__(self, paths: Iterable[str | Path], folder: Path | None, may_lack: bool):
         self._lock = threading.RLock()
@@ -96,26 +95,27 @@ class Runs:
             self._paths += new[:room]
 
     def breeding(self, run: OpenRun, is_board: bool = False) -> Breeding:
-        """Return the broods of a ``run``, ready for a new one: the workers of all other broods end.
-        Raises `RunError` while another brood is bred."""
+        """Return the broods of a ``run``, ready for a new one: all other workers end."""
         with self._lock:
             chosen = run.broods(is_board)
             every = [two for one in self._open_runs.values() for two in (one.breeding, one.board)]
             others = [breeding for breeding in every if breeding is not chosen]
             if any(breeding.busy for breeding in others):
                 raise RunError(
-                    "a brood of another run or pane is being bred",
-                    "one brood at a time",
-                    "wait for it, or stop it",
+                    "studio is breeding children of another run, or in another pane of the page",
+                    "one group of children at a time",
+                    "wait for those children, or stop them",
                 )
             for breeding in others:
                 breeding.release_workers()
             return chosen
 
     def close(self) -> None:
-        for run in self._open_runs.values():
-            run.breeding.close()
-            run.board.close()
+        every = [two for run in self._open_runs.values() for two in (run.breeding, run.board)]
+        for breeding in every:  # all at once, then wait for each
+            breeding.cancel()
+        for breeding in every:
+            breeding.close()
 
 
 def _is_going(path: Path) -> bool:
@@ -131,8 +131,8 @@ def _runs_in(folder: Path) -> list[Path]:
             names = sorted(entry.name for entry in entries if not entry.name.startswith("."))
     except OSError as error:
         raise RunError(
-            f"{folder}: {reason_of(error)}",
-            "a folder of runs, each written by `evocity run`",
+            f"{folder} cannot be read: {reason_of(error)}",
+            "a folder that contains run folders of `evocity run`",
             "name another folder",
         ) from None
     paths = (folder / name for name in names)

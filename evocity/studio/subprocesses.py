@@ -6,20 +6,20 @@ import hashlib
 import json
 import os
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
+from evocity.child_process import python_command
 from evocity.errors import EvocityError, RunError, format_bytes, plain_text, reason_of
 from evocity.evaluation import linux_processes
 from evocity.search.preparation.trust import is_trusted, refuse_untrusted, state_folder
 from evocity.search.record import commands
 from evocity.search.record.complete_run import CompleteRun
 from evocity.store.lock import is_held
-from evocity.store.safe_open import open_to_append
+from evocity.store.run_directory import RunDirectory
 from evocity.studio.output_files import write_error
 from evocity.studio.request_fields import Body, whole_field
 
@@ -30,8 +30,8 @@ TAIL = 4000
 
 
 class DeskJob:
-    """A job of `evocity.studio.desk_jobs` in a process of its own. Limits: ``memory`` in bytes, and
-    ``seconds``, None for any. ``name``: the job in words, for errors."""
+    """A job of `evocity.studio.desk_jobs` in a process of its own, within ``memory`` (bytes) and
+    ``seconds``. ``name``: the job in words, for errors."""
 
     def __init__(self, memory: int, seconds: float | None, name: str):
         self._memory, self._seconds, self._name = memory, seconds, name
@@ -40,12 +40,11 @@ class DeskJob:
         self._process: subprocess.Popen | None = None
 
     def run(self, job: Mapping, receive: Callable[[dict], None]) -> None:
-        """Run the ``job`` to its end; ``receive`` gets each line of its results. Raises
-        `EvocityError` where the job does, exceeds a limit, or dies."""
+        """Run the ``job``; ``receive`` gets each line of its results. Raises its `EvocityError`."""
         if self.stopped:
             return
         with subprocess.Popen(
-            _command("from evocity.studio.desk_jobs import main; main()"),
+            python_command("from evocity.studio.desk_jobs import main; main()", tied=True),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -86,13 +85,11 @@ class DeskJob:
             )
 
     def stop(self) -> None:
-        """End the job now."""
         self.stopped = True
         if self._process is not None:
             self._kill(self._process)
 
     def _watch(self, process: subprocess.Popen) -> None:
-        """End the process when it exceeds a limit."""
         end = None if self._seconds is None else time.monotonic() + self._seconds
         while process.poll() is None:
             if end is not None and time.monotonic() > end:
@@ -104,7 +101,9 @@ class DeskJob:
 
     def _end(self, process: subprocess.Popen, what: str) -> None:
         self._error = EvocityError(
-            f"{self._name} takes {what}", "a map of a single district", "cut a part out of the map"
+            f"the job of studio ({self._name}) needs {what}",
+            "a map of a single district",
+            "cut out a smaller part of the map",
         )
         self._kill(process)
 
@@ -124,28 +123,26 @@ class RunProcesses:
         self._of: dict[Path, tuple[subprocess.Popen, Path]] = {}
 
     def begin(self, run: Path, words: Sequence[str], log: Path) -> None:
-        """Run the command `evocity` with ``words`` for a ``run``; its output goes to the file
-        ``log``. Raises `RunError` while another process works on the run, where the log cannot be
-        written, and where no process can start."""
+        """Run the command `evocity` with ``words`` for a ``run``; its output goes to ``log``."""
         program = (
             "sys.argv[:1] = ['evocity']; from evocity.cli import main; main(prog_name='evocity')"
         )
         with self._lock:
             if self.is_busy(run):
                 raise RunError(
-                    f"a process already works on {run}",
-                    "one process per run",
-                    "wait for it, or stop it",
+                    f"a process is already running for {run}",
+                    "at most one process per run",
+                    "wait until that process ends, or stop it",
                 )
             try:
                 log.parent.mkdir(parents=True, exist_ok=True)
-                file = open_to_append(log)
+                file = RunDirectory(log.parent).append(log.name)
             except OSError as error:
                 raise write_error(log, error) from error
             with file:
                 try:
                     process = subprocess.Popen(
-                        [*_command(program), *words],
+                        [*python_command(program), *words],
                         stdin=subprocess.DEVNULL,
                         stdout=file,
                         stderr=file,
@@ -155,9 +152,9 @@ class RunProcesses:
                     if not file.tell():
                         log.unlink(missing_ok=True)
                     raise RunError(
-                        f"no process can start: {reason_of(error)}",
-                        "memory for another process",
-                        "end other processes, or free memory; then try again",
+                        f"studio cannot start a process: {reason_of(error)}",
+                        "enough free memory for another process",
+                        "close other programs to free memory, then try again",
                     ) from error
             self._of[run] = process, log
         threading.Thread(target=process.wait, daemon=True).start()  # leaves no zombie
@@ -172,19 +169,13 @@ class RunProcesses:
             self._of[run][0].terminate()
 
     def state(self, run: Path) -> dict[str, Any] | None:
-        """Return whether a process works on a run (``at``), its exit ``code`` or None, and the end
-        of its output (``said``); None for a run that this studio did not begin or resume."""
+        """Return whether a process works on a run (``at``), its exit ``code``, and the end of its
+        output (``said``); None for a run that this studio did not begin or resume."""
         if run not in self._of:
             return None
         process, log = self._of[run]
         code = process.poll()
         return {"at": code is None, "code": code, "said": _tail(log)}
-
-
-def _command(program: str) -> list[str]:
-    """Return a command for this Python and a ``program``, with the paths of this process."""
-    path = [place for place in sys.path if place]
-    return [sys.executable, "-c", f"import sys; sys.path[:] = {path!r}; {program}"]
 
 
 def _tail(log: Path) -> str:
@@ -208,9 +199,8 @@ class ResumeRequest(Body):
 
 
 def log_of(run: Path) -> Path:
-    """Return the log for the process of a ``run``. It lies with the recipe of a run that began at
-    the desk; all others lie in the state folder of the user. A log is never in the run folder, and
-    never beside a run that began elsewhere."""
+    """Return the log of a ``run``: beside a recipe of the desk, or in the state folder of the
+    user."""
     beside = run.with_name(f"{run.name}-recipe")
     has_recipe = not beside.is_symlink() and (beside / "recipe.toml").is_file()
     if has_recipe and (not run.exists() or is_trusted(CompleteRun(run))):
@@ -225,12 +215,11 @@ def stop_run(run: Path) -> None:
 
 
 def resume_run(run: Path, processes: RunProcesses, request: ResumeRequest) -> None:
-    """Resume a run by `evocity resume`. Raises `RunError` where it goes on, and for a run that
-    began elsewhere and would execute something of its own."""
+    """Resume a run by `evocity resume`; a run that began elsewhere may execute nothing."""
     opened = CompleteRun(run)
     if is_held(run / "lock"):
         raise RunError(
-            f"a process still works on {run}", "a run that has ended", "stop the run first"
+            f"a process is still running for {run}", "a run that has ended", "stop the run first"
         )
     try:
         refuse_untrusted(opened)

@@ -24,8 +24,6 @@ _SUFFIX = f"-{__version__}.rgb"
 
 
 class Tiles:
-    """Small pictures of the run with a ``fingerprint``."""
-
     def __init__(self, fingerprint: str):
         below = cache_folder()
         self._folder = None if below is None else below.parent / "tiles" / fingerprint
@@ -76,7 +74,6 @@ class Tiles:
 
 
 def _remove_older(folder: Path) -> None:
-    """Remove the pictures of other releases."""
     with os.scandir(folder) as entries:
         for entry in entries:
             if not entry.name.startswith(".") and not entry.name.endswith(_SUFFIX):
@@ -84,8 +81,7 @@ def _remove_older(folder: Path) -> None:
 
 
 def _make_room(kept: Path) -> None:
-    """Remove pictures of other runs than ``kept``, the oldest first, until the rest has at most
-    `MOST_KEPT` bytes."""
+    """Remove pictures of other runs than ``kept``, the oldest first, beyond `MOST_KEPT` bytes."""
     with os.scandir(kept.parent) as entries:
         folders = [entry for entry in entries if entry.is_dir(follow_symlinks=False)]
     room = MOST_KEPT

@@ -2,13 +2,12 @@
 
 import math
 from collections.abc import Sequence
-from numbers import Integral, Real
 
 import numpy as np
 import scipy
 
 from evocity.citymap import MAX_PIXELS, MAX_SIDE, STOREY, CityMap
-from evocity.errors import MapError, setting
+from evocity.errors import MapError, check_number, is_number, is_whole, setting
 
 #: The least area of a piece of houses, m²: smaller ones are slivers where lots meet, or at the
 #: border.
@@ -37,9 +36,8 @@ def build_town(
     metres_per_pixel: float,
     rng: np.random.Generator | None,
 ) -> CityMap:
-    """Build houses along the edges of blocks.
+    """Build houses along the edges of blocks, as a map called ``name``.
 
-    name : of the map.
     inside : ``(H, W)``, metres from a block's edge inwards, below 0 in a street.
     lots : int ``(H, W)``, the number of the house at each pixel.
     level : ``(H, W)``, 0…1, from the lowest to the highest house; a house has the mean.
@@ -81,32 +79,16 @@ def check_town(
     check("metres_per_pixel", metres_per_pixel, right, f"metres, above 0, at most {LONGEST:g}")
     check("rng", rng, rng is None or isinstance(rng, np.random.Generator), "a numpy Generator")
     for name, length in lengths.items():
-        if not (is_number(length) and metres_per_pixel <= length <= LONGEST):
-            raise MapError(
-                setting(name, length),
-                f"metres, from the side of a pixel, {metres_per_pixel:g}, to {LONGEST:g}",
-                f"correct {name}, or choose smaller pixels",
-            )
+        expected = f"metres, from the side of a pixel, {metres_per_pixel:g}, to {LONGEST:g}"
+        remedy = f"correct {name}, or choose smaller pixels"
+        check_number(name, length, metres_per_pixel, LONGEST, expected, MapError, remedy)
     pair = isinstance(storeys, Sequence) and len(storeys) == 2 and all(map(is_whole, storeys))
     right = pair and 1 <= storeys[0] <= storeys[1] <= 300
     check("storeys", storeys, right, "two whole numbers 1…300, the lowest and the highest")
     return float(pixels * metres_per_pixel)
 
 
-def check_roads(roads: int) -> None:
-    """Raise `MapError` unless ``roads`` is a number of roads to a place."""
-    check("roads", roads, is_whole(roads) and 3 <= roads <= 360, "a whole number, 3…360")
-
-
 def check(name: str, value: object, right: bool, expected: str) -> None:
     """Raise `MapError` about the ``value`` of a parameter unless it is ``right``."""
     if not right:
         raise MapError(setting(name, value), expected, f"correct {name}, or leave it out")
-
-
-def is_whole(value: object) -> bool:
-    return isinstance(value, Integral) and not isinstance(value, bool)
-
-
-def is_number(value: object) -> bool:
-    return isinstance(value, Real) and not isinstance(value, bool)

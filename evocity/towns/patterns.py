@@ -12,7 +12,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from evocity.citymap import CityMap
-from evocity.towns.houses import build_town, check, check_roads, check_town, keys
+from evocity.errors import is_whole
+from evocity.towns.houses import build_town, check, check_town, keys
 from evocity.towns.substitution import substitution_town
 
 
@@ -30,16 +31,16 @@ def concentric_town(
     frontage: float = 14.0,
     storeys: Sequence[int] = (2, 6),
 ) -> CityMap:
-    """Draw a town with ring streets around a central place, crossed by roads and lanes. Houses are
-    lower further out.
+    """Draw a town with ring streets around a central place, crossed by roads and lanes. Houses
+    become lower with their distance from the central place.
 
     Parameters
     ----------
-    pixels, metres_per_pixel, rng, storeys : as in `substitution_town`; ``rng`` varies the depth of
-        houses too.
+    pixels, metres_per_pixel, rng, storeys : as in `substitution_town`; the generator ``rng`` also
+        varies the depth of houses.
     place : radius of the central place, metres.
     street : width of the streets and roads, metres; lanes are half as wide.
-    roads : number of roads that lead to the place, 3…360.
+    roads : number of roads that lead to the central place, 3…360.
     ring : breadth of a ring of blocks between two streets, metres.
     block : approximate length of the blocks along a ring, from lane to lane, metres.
     depth : depth of the houses, metres; the rest of a block is a court.
@@ -49,9 +50,7 @@ def concentric_town(
     """
     lengths = {"street": street, "ring": ring, "depth": depth}
     lengths |= {"place": place, "block": block, "frontage": frontage}
-    extent = check_town(pixels, metres_per_pixel, rng, storeys, **lengths)
-    check_roads(roads)
-    r, angle = _polar(pixels, metres_per_pixel)
+    r, angle, level = _polar(pixels, metres_per_pixel, rng, storeys, roads, lengths)
     pitch = ring + street
     number, outward = np.divmod(r - place, pitch)
     middle = np.maximum(place + number * pitch + ring / 2, 1)
@@ -64,7 +63,6 @@ def concentric_town(
     inside = np.where(number < 0, -1, np.minimum(across, lane))
     houses = np.maximum(np.round(2 * np.pi * middle / (roads * each) / frontage), 1)
     lots = keys(number, np.floor(turned), outward > ring / 2, np.floor(along * houses))
-    level = 1 - r / (extent / 2)
     name = "concentric-town"
     return build_town(name, inside, lots, level, depth, storeys, metres_per_pixel, rng)
 
@@ -81,14 +79,14 @@ def chessboard_town(
     gap: float = 5.0,
     storeys: Sequence[int] = (2, 5),
 ) -> CityMap:
-    """Draw a town of square blocks on a grid. Closed and open blocks alternate: closed ones are
-    high, around a court; open ones are low. An open block has rows of single houses with gardens
-    behind them.
+    """Draw a town of square blocks on a grid. Closed and open blocks alternate. The houses of a
+    closed block are high and surround a court. An open block has rows of low, single houses with
+    gardens behind them.
 
     Parameters
     ----------
-    pixels, metres_per_pixel, rng, storeys : as in `substitution_town`; ``rng`` varies the depth of
-        houses too.
+    pixels, metres_per_pixel, rng, storeys : as in `substitution_town`; the generator ``rng`` also
+        varies the depth of houses.
     block : approximate side of the blocks, metres; a whole number of blocks fills the map.
     street : width of the streets, metres.
     depth, frontage : depth and width of the houses, metres.
@@ -141,12 +139,13 @@ def radial_town(
 
     Parameters
     ----------
-    pixels, metres_per_pixel, rng, storeys : as in `substitution_town`; ``rng`` varies the depth of
-        houses too.
+    pixels, metres_per_pixel, rng, storeys : as in `substitution_town`; the generator ``rng`` also
+        varies the depth of houses.
     place : radius of the central place, metres.
     street : width of the streets, metres; lanes are half as wide.
-    roads : number of streets that begin at the place, 3…360.
-    spacing : distance between two neighbouring streets at the point where one begins, metres.
+    roads : number of streets that begin at the central place, 3…360.
+    spacing : distance from a new street to its neighbouring streets at the point where the new
+        street begins, metres.
     block : approximate length of the blocks along a street, metres.
     depth, frontage : depth and width of the houses, metres.
 
@@ -154,9 +153,7 @@ def radial_town(
     """
     lengths = {"place": place, "street": street, "depth": depth}
     lengths |= {"spacing": spacing, "block": block, "frontage": frontage}
-    extent = check_town(pixels, metres_per_pixel, rng, storeys, **lengths)
-    check_roads(roads)
-    r, angle = _polar(pixels, metres_per_pixel)
+    r, angle, level = _polar(pixels, metres_per_pixel, rng, storeys, roads, lengths)
     first = max(roads * spacing / math.pi, 1.01 * place)  # where the roads are 2 spacings apart
     doubled = np.maximum(np.floor(np.log2(r / first)) + 1, 0)
     inner, outer = np.where(doubled > 0, first * 2.0 ** (doubled - 1), place), first * 2.0**doubled
@@ -176,7 +173,6 @@ def radial_town(
     houses = np.maximum(np.round(np.where(on_street, length, width) / frontage), 1)
     other = np.where(on_street, along, outward / length) > 0.5
     lots = keys(doubled, number, np.floor(turned), on_street, other, np.floor(share * houses))
-    level = 1 - r / (extent / 2)
     name = "radial-town"
     return build_town(name, inside, lots, level, depth, storeys, metres_per_pixel, rng)
 
@@ -190,8 +186,14 @@ PATTERNS: Mapping[str, Callable[..., CityMap]] = {
 }
 
 
-def _polar(pixels: int, side: float) -> tuple[np.ndarray, np.ndarray]:
-    """Compute each pixel centre's distance from the map's middle, metres, and direction, 0…1."""
+def _polar(
+    pixels: int, side: float, rng, storeys: Sequence[int], roads: int, lengths: dict[str, float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Compute each pixel centre's distance from the map's middle, metres; its direction, 0…1; and
+    the level of houses there. Raises `MapError` for a parameter out of range."""
+    extent = check_town(pixels, side, rng, storeys, **lengths)
+    check("roads", roads, is_whole(roads) and 3 <= roads <= 360, "a whole number, 3…360")
     at = (np.arange(pixels) - (pixels - 1) / 2) * side
     y, x = at[:, None], at[None, :]
-    return np.maximum(np.hypot(y, x), 1e-9), np.arctan2(y, x) / (2 * np.pi) % 1
+    r = np.maximum(np.hypot(y, x), 1e-9)
+    return r, np.arctan2(y, x) / (2 * np.pi) % 1, 1 - r / (extent / 2)

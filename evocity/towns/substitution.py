@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from evocity.citymap import CityMap
-from evocity.errors import MapError, keyword
-from evocity.towns.houses import check, check_town, height_of, is_number, is_whole
+from evocity.errors import MapError, is_number, is_whole, keyword
+from evocity.towns.houses import check, check_town, height_of
 
 
 def substitution_town(
@@ -23,25 +23,27 @@ def substitution_town(
     storeys: Sequence[int] = (2, 7),
 ) -> CityMap:
     """Draw a town from a motif of shapes and a rule that replaces each shape by the motif, again
-    and again. The first replacements open the main streets, later ones the lesser streets, the last
-    ones the gaps between houses. Source: Woloszyn 1998, in Marsault 2002 §3.2, 2005 §1.3.
+    and again. The first replacements open the main streets, later replacements the lesser streets,
+    and the last ones the gaps between houses. Source: Woloszyn 1998, described in Marsault 2002
+    §3.2 and 2005 §1.3.
 
     Parameters
     ----------
     pixels, metres_per_pixel : number of pixels along the side of the map, which is square; the side
         of a pixel in metres.
     rng : random generator that varies the height of houses by a storey; None for no variation.
-    motif : rows of letters from north to south, separated by /. Each letter is one shape, a
-        rectangle; a dot stays open ground. The motif stretches over the shape that it replaces.
-    turns : the rule, one number for each shape in the order in which the letters first appear. The
-        number counts the further quarter turns (0…3) of the motif that replaces this shape.
+    motif : rows of letters from north to south, separated by /. Equal letters of the motif form one
+        rectangular shape, and each dot is open ground. The motif stretches over the shape that it
+        replaces.
+    turns : the rule: one digit for each shape, in the order in which the letters first appear. Each
+        digit, 0…3, is the number of quarter turns of the motif that replaces a shape.
     iterations : number of replacements, 1…8.
     street : width of the streets that the first iteration opens, metres.
     narrowing : factor by which each iteration narrows the streets, above 0, at most 1.
-    least : least width of a part, metres; a shape stays whole if one of its parts would be
-        narrower.
-    storeys : number of storeys of the lowest and highest houses; each iteration adds its share of
-        the height.
+    least : smallest width of a part, metres. The motif does not replace a shape if a part of the
+        result would be narrower than ``least``.
+    storeys : number of storeys of the lowest and of the highest houses; each iteration adds its
+        share of the height.
 
     Raises `MapError` for a parameter out of range, or a motif with a shape that is not a rectangle.
     """

@@ -15,9 +15,8 @@ _ACROSS = 8
 
 @dataclass(frozen=True)
 class Sheet:
-    """Pictures of the births ``ids``, in their order. Each has ``width`` × ``height`` px; a row of
-    the ``image`` has ``across`` of them. ``kind``: the media type of the image; ``lacking``: why an
-    id has no picture."""
+    """Pictures of the births ``ids`` in one ``image`` of media type ``kind``, ``across`` in a row,
+    of ``width`` × ``height`` px each; ``lacking``: why an id has no picture."""
 
     ids: list[int]
     image: bytes
@@ -31,9 +30,8 @@ class Sheet:
     def of(
         cls, pictures: Mapping[int, np.ndarray], lacking: Mapping[int, str], packed: bool = True
     ) -> "Sheet":
-        """Join ``pictures`` (height, width, 3), by id; a smaller one lies at the top left of its
-        place. ``packed``: as PNG; otherwise as BMP, at least ten times as fast, where bytes cost
-        nothing."""
+        """Join ``pictures`` (height, width, 3), by id. ``packed``: as PNG; otherwise as BMP, at
+        least ten times as fast, where bytes cost nothing."""
         ids, kind = list(pictures), "png" if packed else "bmp"
         if not ids:
             return cls([], b"", f"image/{kind}", 1, 0, 0, dict(lacking))

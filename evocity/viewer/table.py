@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from evocity.errors import EvocityError, near_miss, spell
+from evocity.errors import EvocityError, is_number, near_miss, spell
 
 #: Filters by column: spans (low, high) of a column of numbers, some words of a column of words.
 Brushes = Mapping[str, Sequence]
@@ -67,17 +67,17 @@ class Column:
         return kept
 
     def check_brush(self, brush: object) -> list:
-        """Return a ``brush`` of this column as plain values; an end that is None becomes the
-        column's own. Raises `EvocityError` for any other object."""
+        """Return a ``brush`` of this column as plain values. Raises `EvocityError`."""
         is_listed = isinstance(brush, Sequence | np.ndarray) and not isinstance(brush, str)
         listed = list(brush) if is_listed else [brush]
         if self.words:
             for word in listed:
                 if word not in self.words:
                     raise EvocityError(
-                        f"{self.name} = {spell(word)}",
-                        f"some of {', '.join(self.words)}",
-                        near_miss(str(word), self.words) or "leave the brush out, or name some",
+                        f"the column {self.name} has no word {spell(word)}",
+                        f"one or more of the words {', '.join(self.words)}",
+                        near_miss(str(word), self.words)
+                        or "leave the filter out, or choose some of these words",
                     )
             return list(dict.fromkeys(map(str, listed)))
         if len(listed) == 2 and all(end is None or _is_number(end) for end in listed):
@@ -92,15 +92,14 @@ class Column:
             if low <= high:
                 return [low, high]
         raise EvocityError(
-            f"{spell(span)} is not a filter of {self.name}",
-            "spans of two numbers, the lower first; None for the end of the column",
+            f"{spell(span)} cannot filter the column {self.name}",
+            "pairs of two numbers, the lower number first; None means the end of the column",
             f'write for example {{"{self.name}": [(0.2, 0.4)]}}',
         )
 
 
 def _is_number(value: object) -> bool:
-    plain = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-    return plain and math.isfinite(value)
+    return is_number(value) and math.isfinite(value)
 
 
 @dataclass(frozen=True)
@@ -126,19 +125,18 @@ class Table:
                 return column
         names = [column.name for column in self.columns]
         raise EvocityError(
-            f"there is no column {spell(name)}",
+            f"the table has no column {spell(name)}",
             f"one of {', '.join(names)}",
-            near_miss(str(name), names) or "name one of these columns",
+            near_miss(str(name), names) or "choose one of these columns",
         )
 
     def check_brushes(self, brushes: Brushes) -> dict[str, list]:
-        """Return ``brushes`` as plain values, without empty ones. Raises `EvocityError` for an
-        unknown name, and for an object that is not a brush of its column."""
+        """Return ``brushes`` as plain values, without empty ones. Raises `EvocityError`."""
         if not isinstance(brushes, Mapping):
             raise EvocityError(
-                f"brushes = {spell(brushes)}",
-                "a mapping of columns to brushes",
-                'write for example {"fsi": [(1, 2)]}; {} for no filter',
+                f"brushes = {spell(brushes)} is not a mapping",
+                "a mapping from columns to filters",
+                'write for example {"fsi": [(1, 2)]}, or {} for no filter',
             )
         checked = {name: self.column(name).check_brush(brush) for name, brush in brushes.items()}
         return {name: brush for name, brush in checked.items() if brush}
@@ -151,9 +149,8 @@ class Table:
         return kept
 
     def row_order(self, name: str, is_reversed: bool = False) -> np.ndarray:
-        """Return int ``(n,)``: all rows in the gallery's order by the column ``name``: best first,
-        lowest first, or alphabetical; reversed if it ``is_reversed``. Births without a value come
-        last; the lower id comes first among equal ones."""
+        """Return all rows in the gallery's order by the column ``name``, reversed if it
+        ``is_reversed``; births without a value come last, of equal ones the lower id first."""
         ranks = self.column(name).ranks
         return np.argsort(-ranks if is_reversed else ranks, kind="stable")
 

@@ -13,8 +13,7 @@ from evocity.viewer.table import Table
 
 
 class Widget(anywidget.AnyWidget):
-    """Births as gallery and parallel coordinates. Python and the page share what is chosen, brushed
-    and ordered."""
+    """Births as gallery and parallel coordinates, with traits that Python and the page share."""
 
     _esm = module()
     _css = text("viewer.css")
@@ -32,15 +31,14 @@ class Widget(anywidget.AnyWidget):
     def __init__(
         self, table: Table, about: dict, pictures: Callable[[list[int], int], Sheet], **at
     ):
-        """``about``: facts of all births, besides those of the `table`; ``pictures`` returns those
-        of some births, of a side of `SIDES`; ``at``: the initial values of the other traits."""
+        """``pictures`` returns those of some births, of a side of `SIDES`; ``at``: initial
+        traits."""
         self._table, self._pictures = table, pictures
         super().__init__(about=about | table.about, births=table.buffer, **at)
         self.on_msg(self._answer)
 
     def show(self, table: Table, about: dict) -> None:
-        """Replace the births. Chosen ids that are gone are no longer chosen; brushes of missing
-        columns are removed."""
+        """Replace the births; choices and brushes that do not fit them are removed."""
         self._table = table
         with self.hold_sync():
             self.about, self.births = about | table.about, table.buffer
@@ -59,8 +57,7 @@ class Widget(anywidget.AnyWidget):
         return self._table.check_brushes(proposal["value"])
 
     def _answer(self, _: object, content: object, buffers: object) -> None:
-        """Answer a request of the page for pictures: ``{"tiles": [ids], "side": px, "request": its
-        name}``. Any other message has no answer."""
+        """Answer a request for pictures: ``{"tiles": [ids], "side": px, "request": its name}``."""
         if not isinstance(content, dict) or content.get("side") not in SIDES:
             return
         ids = content.get("tiles")

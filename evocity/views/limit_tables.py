@@ -16,6 +16,7 @@ from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 
+from evocity.bounded_toml import LimitError, parse_toml
 from evocity.errors import EvocityError, near_miss, reason_of, spell
 
 #: A box: its lowest corner, which belongs to it, and its highest, which does not; float64 ``(d,)``.
@@ -61,13 +62,13 @@ class TableFormat:
         """The TOML document ``text``. Raises the table's error if it is not TOML, or has another
         part."""
         try:
-            document = tomllib.loads(text if isinstance(text, str) else text.decode("utf-8"))
+            document = parse_toml(text if isinstance(text, str) else text.decode("utf-8"))
+        except LimitError as error:
+            raise self.fault(str(error), error.expected, error.remedy) from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             found = f"no TOML: {error}"
         except ValueError:  # its text speaks of Python
             found = "a number of thousands of digits"
-        except RecursionError:
-            found = "TOML with lists or tables too deep in each other"
         else:
             self.check_parts(document)
             return document
@@ -141,7 +142,7 @@ class TableFormat:
         raise self.fault(
             f"no {self.entry} takes {self.subject} of {self.describe_thing(gap)}",
             f"one {self.entry} for each {self.subject.split()[-1]}",
-            f"{remedy}: none takes {self.describe_box(gap)}",
+            f"{remedy}; the gap between the entries is {self.describe_box(gap)}",
         )
 
     def check_overlaps(self, entries: Entries) -> None:
@@ -154,8 +155,8 @@ class TableFormat:
                         f"both {other} and {name} take {self.subject} of "
                         f"{self.describe_thing(common)}",
                         f"one {self.entry} for each {self.subject.split()[-1]}",
-                        "let one of the two begin where the other ends: both take "
-                        f"{self.describe_box(common)}",
+                        f"let the limits of {other} end where the limits of {name} begin; their "
+                        f"overlap is {self.describe_box(common)}",
                     )
 
     def _neighbour(self, name: str, box: Box, gap: Box) -> tuple[str, str] | None:

@@ -24,20 +24,18 @@ def gradients(heights: np.ndarray, metres_per_pixel: float) -> tuple[np.ndarray,
 def structure(
     along_y: np.ndarray, along_x: np.ndarray, site: np.ndarray | None = None
 ) -> np.ndarray:
-    """Compute the squared gradient in doubled angles: w cos 2θ and w sin 2θ.
+    """Compute the squared gradient in doubled angles: w cos 2θ and w sin 2θ, float32 ``(2, H, W)``.
 
     along_y, along_x : float32 ``(H, W)``, gradient of heights, metres per metre, y to the south.
     site : bool ``(H, W)``: the map's own pixels, None for all. Beyond it the nearest of them
         repeat, as the edges of a map do.
-    Returns float32 ``(2, H, W)``. θ, half its angle, is the direction of the gradient, which
-    crosses walls at right angles, from east towards south; its length w = \\|∇h\\|² the weight.
 
-    A raster's façades are staircases. So the gradient is smoothed (binomial, σ = √2 px), then its
-    square (the same filter). Opposite gradients have equal squares, so the average of squares
-    keeps directions that cancel in an average of gradients.
+    θ, half the angle of the result, is the direction of the gradient, which crosses walls at right
+    angles, from east towards south; its length w = \\|∇h\\|² the weight. A raster's façades are
+    staircases. So the gradient is smoothed (binomial, σ = √2 px), then its square (the same
+    filter). Opposite gradients have equal squares, so squares keep directions that would cancel.
 
-    Source: Bigün & Granlund 1987, Optimal orientation detection of linear symmetry.
-    """
+    Source: Bigün & Granlund 1987, Optimal orientation detection of linear symmetry."""
     beyond = None if site is None else nearest(site)
     dy, dx = _smooth(np.stack([along_y, along_x]), beyond)
     # z² of z = dx + i dy, whose direction is twice the gradient's.

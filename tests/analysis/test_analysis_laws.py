@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evocity.analysis.clusters import build, farthest_first, label_clusters, medoids, swap
-from evocity.analysis.compromise import achievement, best_compromise, weights_of
 from evocity.analysis.condition import Condition
-from evocity.analysis.credit import archive_entries
 from evocity.analysis.goals import Aim
+from evocity.analysis.pedigree import archive_entries
+from evocity.analysis.shortlist import achievement, best_compromise, weights_of
 from evocity.errors import EvocityError
 from evocity.fitness import Aims, Constraint, Objective, Wanted
 from evocity.search.record.aims import judge_births, uncallable_measure

@@ -61,7 +61,7 @@ def test_runs_of_older_releases_are_asked_alike(path):
         assert set(run.lineage(one)) == naive_ancestors(run, one)
         assert sum(run.ancestry(one).values()) == pytest.approx(1)
     some = [run[-1].id, 0, 11, 7, 2]
-    with patch("evocity.analysis.fabric_genomes._AT_A_TIME", 2):
+    with patch("evocity.analysis.individual._AT_A_TIME", 2):
         shares = run.ancestry(some)
     assert shares.index.tolist() == some
     for one, share in zip(some, shares.to_dict("records"), strict=True):
@@ -114,7 +114,7 @@ def test_an_individual_becomes_a_file(run, tmp_path, name):
 
 
 def test_a_file_of_no_kind_is_refused(run, tmp_path):
-    with pytest.raises(EvocityError, match=r"no birth is written as \.doc"):
+    with pytest.raises(EvocityError, match=r"evocity cannot write \.doc"):
         run[9].save(tmp_path / "a.doc")
     assert not list(tmp_path.iterdir())
 
@@ -226,7 +226,7 @@ def test_an_empty_run_has_no_births(tmp_path):
     run = written(tmp_path / "run", [], [])
     assert (len(run), list(run), 0 in run) == (0, [], False)
     for ask in (lambda: run.scores, lambda: run.archive, lambda: run[0], lambda: run.series):
-        with pytest.raises(RunError, match="no whole generation"):
+        with pytest.raises(RunError, match="no complete generation"):
             ask()
 
 
@@ -618,7 +618,7 @@ def test_chosen_births_become_a_contact_sheet(run, tmp_path, monkeypatch):
         assert [line.split()[0] for line in lines[1:]] == list(one.individual.scores)
     assert [lines[0] for _, lines in drawn[1][0]] == [f"individual {kept[0].individual.id}"]
     monkeypatch.setattr("evocity.analysis.export.MOST", 1)
-    with pytest.raises(RunError, match="2 births are too many for one sheet"):
+    with pytest.raises(RunError, match="2 births are too many for one contact sheet"):
         run.save([9, 3], tmp_path / "many.png")
     assert {path.name for path in tmp_path.iterdir()} == {"sheet.png", "one.png"}
 

@@ -141,7 +141,7 @@ def test_some_births_are_viewed_alone(run):
         (lambda run: setattr(run.view(), "order", "-"), "there is no '-'"),
         (lambda run: setattr(run.view(), "selected", "fsy > 1"), "did you mean fsi"),
         (lambda run: setattr(run.view(), "brushes", {"fsi": 3}), "two numbers"),
-        (lambda run: state(run.view(), brushes={"fsi": [[3, 1]]}), "the lower first"),
+        (lambda run: state(run.view(), brushes={"fsi": [[3, 1]]}), "the lower number first"),
     ],
 )
 def test_what_is_not_there_is_refused(run, ask, told):
@@ -238,7 +238,7 @@ def test_a_run_that_goes_on_is_looked_at_anew(night, tmp_path):
 
 
 def test_an_empty_run_and_an_empty_choice(run, tmp_path):
-    with pytest.raises(RunError, match="no whole generation"):
+    with pytest.raises(RunError, match="no complete generation"):
         written(tmp_path / "run", []).view()
     view = run.view("fsi < 0")
     assert (len(view.filtered), view.selected) == (0, [])

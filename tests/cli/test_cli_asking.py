@@ -54,16 +54,16 @@ def test_a_run_that_has_ended_takes_commands_up_when_it_is_resumed(tmp_path):
     ("words", "says"),
     [
         (("pick", 99), "no individual 99"),
-        (("pick",), "no ID is given to pick"),
+        (("pick",), "neither the id of an individual nor --clear"),
         (("pick", 1, "--clear"), "1 is not picked"),
         (("pick", 1, 2, "--share", 1.5), "the picks 1 2 with the share 1.5"),
         (("reweight", "mutation=0", "pavement_fusion=0"), "all operators would have"),
         (("pick", 1, "--share", 0.5, "--clear"), "--share cannot be combined with --clear"),
-        (("stop",), "no process works on this run"),
+        (("stop",), "this run is not in progress"),
         (("reweight", "mutation"), "NAME=WEIGHT"),
         (("reweight", "mutation=-1"), "NAME=WEIGHT"),
         (("reweight", "mutaton=1"), "did you mean mutation"),
-        (("reweight", "gsi=2"), "weighs no 'gsi'"),
+        (("reweight", "gsi=2"), "has no weight 'gsi'"),
     ],
 )
 def test_what_cannot_be_carried_out_is_refused(ended, words, says):

@@ -135,14 +135,14 @@ def test_a_picture_tells_what_it_shows(tmp_path, town_file):
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (("--block", "8", "--domains", "8"), "D above B"),
-        (("--domains", "33"), "at most 32 px"),
+        (("--block", "8", "--domains", "8"), "2 ≤ B < D"),
+        (("--domains", "33"), "B < D ≤ 32"),
         (("--block", "20"), "domain blocks of D = 40 px"),
-        (("--block", "1"), "B ≥ 2 px"),
+        (("--block", "1"), "2 ≤ B < D"),
         (("--threads", "0"), "1 or more"),
         (("--block", "4,6,12", "--domains", "9-12"), "range blocks of B = 12 px"),
-        (("--measure", "largest"), "does not fit --block"),
-        (("--block", "4,6", "--measure", "mean"), "does not fit --block"),
+        (("--measure", "largest"), "cannot be used with --block"),
+        (("--block", "4,6", "--measure", "mean"), "cannot be used with --block"),
         (("--curve", "curve.txt"), "cannot be written here"),
     ],
 )

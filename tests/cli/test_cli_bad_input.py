@@ -200,7 +200,7 @@ def test_options_that_suit_the_largest_of_the_leaves_are_named(tmp_path, pixels,
 
 def test_leaves_need_an_even_map_and_one_of_two_choices(tmp_path):
     words = ("encode", "lyon-1er", "--no-fit", "-o", tmp_path / "g.parquet", "--pixels")
-    refused(tmp_path, *words, 41, says="even sides")
+    refused(tmp_path, *words, 41, says="an even height")
     both = ("--lifs", 900, "--max-error", 0.5)
     refused(tmp_path, *words, 32, *both, says="a budget of lifs or a largest error, not both")
     refused(tmp_path, *words, 32, "--lifs", 3, says="lifs")
@@ -448,16 +448,16 @@ def test_an_output_of_a_wrong_kind_is_refused(tmp_path, genome_file):
 def test_the_input_is_never_the_output(tmp_path, genome_file):
     picture = tmp_path / "map.png"
     Image.fromarray(np.zeros((8, 8), np.uint8)).save(picture)
-    refused(tmp_path, "show", picture, "-o", picture, says="both read and written")
+    refused(tmp_path, "show", picture, "-o", picture, says="both the input and the output")
     bare = genome_file.rename(tmp_path / "genome.npy")
-    refused(tmp_path, "decode", bare, "-o", bare, says="both read and written")
+    refused(tmp_path, "decode", bare, "-o", bare, says="both the input and the output")
 
 
 def test_a_full_disk_is_told(tmp_path, monkeypatch):
     def full(*_, **__):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(pq, "write_table", full)
+    monkeypatch.setattr(pq.ParquetWriter, "write_table", full)
     words = ("encode", "lyon-1er", "--pixels", 32, "-o", tmp_path / "g.parquet")
     refused(tmp_path, *words, says="No space left")
 

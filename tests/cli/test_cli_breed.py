@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import evocity
 from evocity.cli.breed import _note_fill, _note_street_blocks, breed, make_operator
-from evocity.cli.shared.parameters import settings_of, value_of
+from evocity.cli.shared.options import settings_of, value_of
 from evocity.errors import EvocityError
 from evocity.operators import OPERATORS, make, operators
 
@@ -162,8 +162,8 @@ def test_individuals_of_runs_breed(tmp_path):
     call(*words, "--id", 7, "--id", 3)
     genomes = [run.genome(7), run.genome(3)]
     assert evocity.read_genome(path) == make("lambda_crossover")(genomes, np.random.default_rng(0))
-    refused(tmp_path, *words, "--id", 7, says="once for each run folder")
-    refused(tmp_path, *words, says="is a run, with many genomes")
+    refused(tmp_path, *words, "--id", 7, says="one --id N for each run folder")
+    refused(tmp_path, *words, says="is a run folder, which contains many genomes")
 
 
 @pytest.mark.parametrize("name", sorted(OPERATORS))
@@ -191,10 +191,10 @@ def test_every_operator_breeds_by_name(tmp_path, towns, name):
         (("pavement_fusion", "--set", "margin=1", "--set", "margin=0"), "the second of margin"),
         (("pavement_fusion", "--set", "fill=0.2,0.3"), "fill"),
         (("mutation",), "mutation cannot breed from 2 parents"),
-        (("pavement_fusion", "--block", 8), "--block has no use with only genomes"),
-        (("pavement_fusion", "--reach", "all"), "--reach has no use with only genomes"),
-        (("pavement_fusion", "--pixels", 8), "--pixels has no use with only genomes"),
-        (("pavement_fusion", "--id", 8), "for 0 run folders"),
+        (("pavement_fusion", "--block", 8), "--block cannot be used with only genomes"),
+        (("pavement_fusion", "--reach", "all"), "--reach cannot be used with only genomes"),
+        (("pavement_fusion", "--pixels", 8), "--pixels cannot be used with only genomes"),
+        (("pavement_fusion", "--id", 8), "run folders (0)"),
     ],
 )
 def test_what_cannot_be_bred_is_refused(tmp_path, towns, words, says):
@@ -227,7 +227,7 @@ def test_parents_that_cannot_be_are_refused(tmp_path, towns):
 def test_a_child_is_no_map_and_no_parent(tmp_path, towns):
     words = ("breed", "pavement_fusion", *towns, "-o")
     refused(tmp_path, *words, tmp_path / "child.tif", says="name of a map")
-    refused(tmp_path, *words, towns[1], says="both read and written")
+    refused(tmp_path, *words, towns[1], says="both the input and the output")
     refused(tmp_path, *words, tmp_path / "no" / "child.parquet", says="no folder")
 
 

@@ -10,8 +10,8 @@ import pytest
 from cli_tools import AT_2_M, PLAIN, call, contents, refused, write_town
 
 import evocity
+from evocity.cli.fitness_check import PARENTS, trial_cases
 from evocity.cli.fitness_new import measure_text, views
-from evocity.cli.shared.trial_maps import PARENTS, trial_cases
 from evocity.fitness import measures, registry
 from evocity.towns import PATTERNS
 
@@ -86,9 +86,9 @@ def test_the_file_tells_every_view_and_keeps_its_lines_short():
         ("2x", "'2x' cannot be the name"),
         ("my-measure", "evocity fitness new my_measure"),
         ("class", "'class' cannot be the name"),
-        ("max", "without another meaning"),
-        ("np", "without another meaning"),
-        ("gsi", "there is already a measure called gsi, from evocity"),
+        ("max", "has no other meaning"),
+        ("np", "has no other meaning"),
+        ("gsi", "a measure called gsi exists already, from evocity"),
     ],
 )
 def test_a_name_that_cannot_be_is_refused(tmp_path, name, says):
@@ -101,7 +101,7 @@ def test_nothing_is_overwritten(tmp_path, own):
     refused(tmp_path, "fitness", "new", "other", "-o", path, says="exists already")
     words = ("fitness", "new", "other", "-o")
     refused(tmp_path, *words, tmp_path / "nowhere" / "x.py", says="there is no folder")
-    refused(tmp_path, *words, tmp_path / "x.txt", says="a name that ends in .py")
+    refused(tmp_path, *words, tmp_path / "x.txt", says="a file name that ends in .py")
     refused(tmp_path, "fitness", "new", "other", "--unit", 'm"', "-o", tmp_path, says="--unit")
 
 
@@ -174,7 +174,7 @@ WRONG = {
         HEADER + "def mine(city, size):\n    return 1\n",
         5,
         "missing a required argument: 'size'",
-        "give all others default values",
+        "or give them default values",
     ),
     "text": ("x = 1\nreturn 'much'", 9, "returned str 'much'", "return float(...)"),
     "array": (
@@ -348,10 +348,10 @@ class Entry:
 
 @pytest.fixture
 def plugins(monkeypatch):
-    from evocity import operators
     from evocity.io import map_reader
+    from evocity.operators import registry as operator_registry
 
-    caches = (registry.plugin_warnings, operators._plugins, map_reader._from_plugins)
+    caches = (registry.plugin_warnings, operator_registry._plugins, map_reader._from_plugins)
     monkeypatch.setattr(registry, "_table", dict(registry._table))
 
     def install(group, *entries):
@@ -489,7 +489,14 @@ def test_an_id_for_each_run_among_maps(tmp_path, finished, towns):
     words = (finished, towns[0], finished, "--fitness", "gsi", *AT_2_M, "--json")
     told = json.loads(call("score", *words, "--id", 1, "--id", 2).stdout)
     assert list(told) == [f"{finished} --id 1", str(towns[0]), f"{finished} --id 2"]
-    refused(tmp_path, "score", *words, "--id", 1, says="--id is given 1 × for 2 run folders")
+    refused(
+        tmp_path,
+        "score",
+        *words,
+        "--id",
+        1,
+        says="the numbers of --id (1) and of run folders (2) differ",
+    )
 
 
 def test_what_asks_for_more_than_there_is_is_undefined_unless_named(tmp_path, towns):
@@ -532,7 +539,7 @@ def test_what_compares_says_how_to_name_a_city(tmp_path, towns):
     ]
     assert "--reference CITY" in line
     words = ("score", towns[0], *AT_2_M, "--fitness", "gsi", "--reference", towns[1])
-    refused(tmp_path, *words, says="compare no cities")
+    refused(tmp_path, *words, says="no measure compares cities")
 
 
 def test_cities_are_compared_with_those_named():

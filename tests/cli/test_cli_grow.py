@@ -111,7 +111,7 @@ def test_cities_grow_into_each_other(tmp_path, genome_file):
         (3, ("--share", 0.5), "give --share 3 times"),
         (2, ("--share", 1.5), "--share 1.5"),
         (2, ("--share", "no.png"), "--share no.png"),
-        (2, ("--share-over", 0, 0, 9, 9), "--share-over without --top and --left"),
+        (2, ("--share-over", 0, 0, 9, 9), "--share-over is given without --top and --left"),
         (2, ("--share-over", 0, 0, 0, 9, "--top", 0), "--share-over 0 0 0 9"),
     ],
 )
@@ -151,14 +151,20 @@ def test_individuals_of_runs_grow(tmp_path):
     code = evocity.open_run(tmp_path / "run").genome(3)
     expected = grow(code, 32, 64, np.random.default_rng(0)).city().heights
     assert np.array_equal(np.load(tmp_path / "f.npy"), expected)
-    refused(tmp_path, "grow", tmp_path / "run", *small, says="is a run, with many genomes")
+    refused(
+        tmp_path,
+        "grow",
+        tmp_path / "run",
+        *small,
+        says="is a run folder, which contains many genomes",
+    )
 
 
 @pytest.mark.parametrize(
     ("options", "says"),
     [
         (("--height", 0), "--height 0"),
-        (("--width", 0), "--width 0\n  expected: pixels: width 1 to 32767"),
+        (("--width", 0), "expected: pixels within the limits: width 1 to 32767"),
         (("--height", 10**9), "--height 1000000000"),
         (("--corner", 9, 0, "--top", 3), "--corner cannot be combined with --top or --left"),
         (("--top", 1 << 60), "--top 1152921504606846976"),
@@ -166,11 +172,14 @@ def test_individuals_of_runs_grow(tmp_path):
         (("--size-max", 20), "--size-max 20\n  expected: 24 to 112 m, 3 to 14 cells of 4 px"),
         (("--size-min", 2), "--size-min 2"),
         (("--side-min", 2), "--side-min 2"),
-        (("--side-min", 32, "--size-min", 4), "--side-min 32.0 and --size-min 4"),
+        (
+            ("--side-min", 32, "--size-min", 4),
+            "--side-min 32.0 is given together with --size-min 4",
+        ),
         (("--tolerance", "nan"), "--tolerance nan"),
         (("--candidates", 0), "--candidates 0"),
-        (("--id", 1), "for 0 run folders"),
-        (("--block", 8), "--block has no use with only genomes"),
+        (("--id", 1), "run folders (0)"),
+        (("--block", 8), "--block cannot be used with only genomes"),
     ],
 )
 def test_an_option_out_of_bounds_is_refused(tmp_path, genome_file, options, says):
@@ -184,7 +193,7 @@ def test_an_option_out_of_bounds_is_refused(tmp_path, genome_file, options, says
         ("f.jpg", ".jpg cannot be written here"),
         ("f.glb", "evocity scene FILE.tif -o f.glb"),
         ("f", "without a suffix"),
-        ("town.parquet", "both read and written"),
+        ("town.parquet", "both the input and the output"),
         ("no/f.tif", "there is no folder"),
     ],
 )
@@ -203,7 +212,7 @@ def test_a_city_that_cannot_grow_is_refused(tmp_path):
     words = ("grow", town, *AT_2_M, "--block", 24, *SIZE, "-o")
     refused(tmp_path, *words, tmp_path / "f.parquet", says="encode the maps again")
     words = ("grow", town, *AT_2_M, *SIZE, "--height", 98, "-o", tmp_path / "f.parquet")
-    refused(tmp_path, *words, says="sides that are multiples of 4 px")
+    refused(tmp_path, *words, says="multiples of 4 px")
     refused(tmp_path, "grow", town, *SIZE, "-o", tmp_path / "f.tif", says="--metres-per-pixel")
 
 

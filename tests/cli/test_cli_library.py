@@ -66,7 +66,7 @@ def test_the_command_refuses_what_is_at_fault(tmp_path):
     at = ("--metres-per-pixel", 2)
     refused(tmp_path, "library", "new", tmp_path / "town.npy", *at, *out, says="has no licence")
     refused(tmp_path, "library", "new", *bare, *out, says="no whole building of 24 m²")
-    refused(tmp_path, "library", "new", "lyon-1er", "-o", tmp_path / "file", says="is a file")
+    refused(tmp_path, "library", "new", "lyon-1er", "-o", tmp_path / "file", says="a file has")
     refused(
         tmp_path,
         "library",
@@ -74,7 +74,7 @@ def test_the_command_refuses_what_is_at_fault(tmp_path):
         "lyon-1er",
         "-o",
         tmp_path / "a" / "b",
-        says="a folder that does not exist",
+        says="its parent folder does not exist",
     )
     refused(tmp_path, "library", "new", "lyon-1er", "lyon-1er", *READING, *out, says="twice")
     refused(tmp_path, "library", "new", "lyon-2e", *out, says="lyon-2e")

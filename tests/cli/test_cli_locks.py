@@ -140,11 +140,11 @@ def of_no_polygon(folder):
 
 
 def of_another_town(folder):
-    return square(folder / "a.geojson", 2.35, 48.85), "no pixel of lyon-1er lies in its 1 footpr"
+    return square(folder / "a.geojson", 2.35, 48.85), "none of 1 footprints covers a pixel"
 
 
 def of_less_than_a_pixel(folder):
-    return square(folder / "a.geojson", *LYON, half=1e-9), "no pixel of lyon-1er lies"
+    return square(folder / "a.geojson", *LYON, half=1e-9), "none of 1 footprints covers a pixel"
 
 
 def of_another_size(folder):
@@ -152,7 +152,7 @@ def of_another_size(folder):
 
 
 def of_nothing(folder):
-    return write_mask(folder / "a.npy", slice(0), side=64), "no pixel of lyon-1er is above 0"
+    return write_mask(folder / "a.npy", slice(0), side=64), "no value above 0 on the map lyon-1er"
 
 
 def of_colours(folder):
@@ -180,7 +180,7 @@ def test_a_bad_lock_is_refused(tmp_path, bad):
 def test_footprints_ask_for_a_map_with_a_place(tmp_path, town_file):
     plan = square(tmp_path / "plan.geojson", *LYON)
     words = ("encode", town_file, *AT_2_M, "--lock", plan, "-o", tmp_path / "g.parquet")
-    refused(tmp_path, *words, says="town has no place on Earth, but plan needs one")
+    refused(tmp_path, *words, says="town has no place on Earth, but plan needs a map")
 
 
 @pytest.mark.parametrize(
@@ -188,7 +188,7 @@ def test_footprints_ask_for_a_map_with_a_place(tmp_path, town_file):
     [
         ("-3", "a condensed height of -3 m"),
         ("nan", "a condensed height of nan m"),
-        ("1e9", "0 (ground) to 1000 m"),
+        ("1e9", "0 m (ground) to 1000 m"),
         ("missing.tif", "no file 'missing.tif'"),
         ("levels.png", "grey levels"),
     ],
@@ -209,7 +209,7 @@ def test_heights_alone_lock_nothing(tmp_path):
 def test_the_lock_is_never_the_output(tmp_path, town_file):
     mask = write_mask(tmp_path / "mask.npy")
     for words in (("--lock", mask), ("--lock", town_file, "--lock-heights", mask)):
-        refused(tmp_path, "encode", "lyon-1er", *words, "-o", mask, says="both read and written")
+        refused(tmp_path, "encode", "lyon-1er", *words, "-o", mask, says="the input and the output")
 
 
 @pytest.mark.parametrize(
@@ -220,7 +220,7 @@ def test_the_lock_is_never_the_output(tmp_path, town_file):
         ('mask = "left.npy"\nfootprints = "right.npy"', "locked: footprints and mask"),
         ('mask = "mask.npy"\ncity = "middle"', "'middle' is not a source"),
         ('mask = "big.npy"', "big has 64 × 64 px, but left has 32 × 32 px"),
-        ('mask = "none.npy"', "no pixel of left is above 0"),
+        ('mask = "none.npy"', "no value above 0 on the map left"),
         ('mask = "all.npy"', "covers every pixel of left"),
         ('footprints = "plan.geojson"', "left has no place on Earth"),
         ('mask = "mask.npy"\nheights = -1', "locked.heights: -1"),

@@ -114,7 +114,7 @@ def test_at_a_terminal_trust_is_asked_for(stranger, monkeypatch, answer, code):
     monkeypatch.setattr("evocity.cli.shared.inputs._at_terminal", lambda: True)
     result = CliRunner().invoke(main, ["resume", str(stranger)], input=answer)
     assert result.exit_code == code
-    assert "would execute its own files or commands:\n  own.py\n" in result.stderr
+    assert "commands:\n  own.py\n" in result.stderr
 
 
 # -- another recipe, an estimate -----------------------------------------------------------------

@@ -13,6 +13,7 @@ from evocity.cli.shared.options import count_option
 from evocity.coding import ancestry, high_pass, low_pass, usage
 from evocity.coding.usage import COUNTS
 from evocity.io import write_leaves
+from evocity.operators.plans import plan_of
 from evocity.pictures import Field, Leaves, Shares, render_leaves
 from evocity.pictures.colours import scale_end
 from evocity.pictures.picture import render, render_field, render_shares
@@ -41,6 +42,19 @@ def pixels_of(path):
 def decoded(genome, name):
     city = evocity.decode(genome).city
     return city.replace(city.heights, name=name)
+
+
+# -- show --plan ------------------------------------------------------------------------------
+
+
+def test_the_plan_of_a_map_or_of_a_genome_is_drawn(tmp_path, genome_file):
+    path = tmp_path / "plan.png"
+    result = call("show", genome_file, "--plan", "-o", path)
+    city = decoded(evocity.read_genome(genome_file), "town, decoded")
+    plan = plan_of(city)
+    _, about = pixels_of(path)
+    assert about["Title"] == f"town, decoded: {len(plan)} faces between streets"
+    assert f"{len(plan)} faces between streets, {plan.open.sum()} of them open" in result.stdout
 
 
 # -- show --leaves ----------------------------------------------------------------------------
@@ -159,16 +173,19 @@ def test_pictures_of_codes_carry_the_attribution(tmp_path):
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (("--ancestry", "--depth", -1), "--depth -1\n  expected: a whole number of iterations"),
-        (("--depth", 2), "--depth without --ancestry"),
-        (("--count", "ranges"), "--count without --usage"),
+        (
+            ("--ancestry", "--depth", -1),
+            "--depth -1 is invalid\n  expected: a whole number of iterations",
+        ),
+        (("--depth", 2), "--depth is given without --ancestry"),
+        (("--count", "ranges"), "--count is given without --usage"),
         (("--usage", "--ancestry"), "one of these options"),
         (("--leaves", "--ancestry"), "--leaves and --ancestry\n  expected: one of these options"),
         (("--leaves", "--usage"), "one of these options"),
-        (("--leaves", "--count", "ranges"), "--count without --usage"),
-        (("--leaves", "--pixels", 32), "--pixels has no use with --leaves"),
-        (("--usage", "--depth", 2), "--depth without --ancestry"),
-        (("--usage", "--pixels", 32), "--pixels has no use with --usage"),
+        (("--leaves", "--count", "ranges"), "--count is given without --usage"),
+        (("--leaves", "--pixels", 32), "--pixels cannot be used with --leaves"),
+        (("--usage", "--depth", 2), "--depth is given without --ancestry"),
+        (("--usage", "--pixels", 32), "--pixels cannot be used with --usage"),
         (("--usage", "--id", 3), "not a run folder"),
     ],
 )
@@ -236,7 +253,7 @@ def test_an_infinite_frequency_filters_nothing(tmp_path, genome_file):
         (("--high-pass", -1), "--high-pass -1"),
         (("--high-pass", "nan"), "--high-pass nan"),
         (("--low-pass", 3, "--high-pass", -2), "--high-pass -2"),
-        (("--count", "pixels"), "--count without --low-pass or --high-pass"),
+        (("--count", "pixels"), "--count is given without --low-pass or --high-pass"),
     ],
 )
 def test_a_filter_that_is_none_is_refused(tmp_path, genome_file, options, says):

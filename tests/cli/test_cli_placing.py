@@ -98,9 +98,9 @@ def test_what_lies_nowhere_is_told_and_what_is_kept_is_laid_together(run, tmp_pa
     with zipfile.ZipFile(tmp_path / "c.zip") as archive:
         archive.extract(f"{kept}/map.tif", tmp_path)
     assert evocity.read_map(tmp_path / f"{kept}" / "map.tif").origin == pytest.approx(source.origin)
-    refused(tmp_path, "keep", run, "--at", town, says="needs an output file")
+    refused(tmp_path, "keep", run, "--at", town, says="is given without an output file")
     sheet = tmp_path / "d.png"
-    refused(tmp_path, "keep", run, "-o", sheet, "--at", town, says="a contact sheet")
+    refused(tmp_path, "keep", run, "-o", sheet, "--at", town, says="the contact sheet")
 
 
 def test_what_is_kept_is_held_against_its_parents(run):

@@ -136,7 +136,7 @@ def test_a_parent_whose_file_tells_no_attribution_has_a_place_for_it(night, town
     with pytest.raises(RecipeError, match=r"parents\[0\].attribution"):
         recipe_of(credited.replace("© the towns", "  ", 1), night[0].parent, {}, name="night")
     genome = credited.replace('map = "../left.npy"', 'genome = "../left.npy"')
-    with pytest.raises(RecipeError, match="attribution cannot go with genome"):
+    with pytest.raises(RecipeError, match="the key 'genome' is given together with attribution"):
         recipe_of(genome, night[0].parent, {}, name="night")
 
 
@@ -280,11 +280,11 @@ def test_centers_are_of_the_map_files(tmp_path, towns):
         (("left.npy", "--fitness", "never.py"), "never is undefined for left (it never is)"),
         (("left.npy", "--fitness", "never.py"), "evocity score MAP --fitness never.py, or"),
         (("left.npy", "flat.npy"), "flat: the map (flat.npy) has no buildings"),
-        (("left.npy", "flat.npy"), "a window with buildings, with --center and --pixels, or"),
+        (("left.npy", "flat.npy"), "the window with --center and --pixels, or"),
         (("left.npy", "--layer", "houses"), "--layer houses"),
         (
             ("left.npy", "right.npy", *("--center", 4.8, 45.7) * 3),
-            "--center is given 3 × for 2 maps",
+            "--center is given 3 times for 2 maps",
         ),
         (("left.npy", "-o", "a.txt"), "cannot be written here"),
         (("left.npy", "-o", "nowhere/a.toml"), "no folder"),

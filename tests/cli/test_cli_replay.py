@@ -4,9 +4,10 @@ import json
 
 import pytest
 from cli_tools import call, contents, refused, write_recipe
+from toy_runs import append_events
 
 from evocity.report import write_report
-from evocity.search import replay_check
+from evocity.search import schedules
 from evocity.store import RunLog
 
 OWN = """
@@ -119,7 +120,7 @@ def test_no_run_is_told(tmp_path):
 
 
 def test_what_a_run_finds_to_differ_is_told_everywhere(tmp_path, monkeypatch):
-    monkeypatch.setattr(replay_check, "RATE", 0.5)
+    monkeypatch.setattr(schedules, "RATE", 0.5)
     recipe = write_recipe(tmp_path, fitness='file = "own.py"')
     (tmp_path / "own.py").write_text(OWN.format(more="random.random()"))
     out = tmp_path / "run"
@@ -143,15 +144,12 @@ def test_a_run_of_sound_measures_tells_of_nothing(ended):
 def test_strange_events_are_no_harm(tmp_path):
     out = with_measure(tmp_path, "0")
     pair = {"then": "\x1b[31m", "now": "<script>alert(1)</script>"}
-    with (out / "events.jsonl").open("a") as file:
-        for number, differs in enumerate((3, None, {"a": 1}, {"<b>": pair}, {"c": {"then": 1}})):
-            event = {"event": "differs", "id": number, "generation": [], "differs": differs}
-            file.write(json.dumps(event) + "\n")
-        file.write(json.dumps({"event": "differs", "id": "<b>", "differs": {}}) + "\n")
-        file.write(
-            json.dumps({"event": "differs", "id": 3, "generation": 0, "differs": {"<b>": pair}})
-        )
-        file.write("\n")
+    strange = 3, None, {"a": 1}, {"<b>": pair}, {"c": {"then": 1}}
+    for number, differs in enumerate(strange):
+        event = {"event": "differs", "id": number, "generation": [], "differs": differs}
+        append_events(out, event)
+    append_events(out, {"event": "differs", "id": "<b>", "differs": {}})
+    append_events(out, {"event": "differs", "id": 3, "generation": 0, "differs": {"<b>": pair}})
     text = call("status", out).stdout
     assert "1 births differ" not in text
     assert "1 birth differs when replayed, such as 3: <b> was" in text

@@ -169,7 +169,14 @@ def test_several_of_a_run_become_a_contact_sheet(tmp_path, stopped):
     words = ("show", stopped, *each, "--id", 10**6, *output)
     refused(tmp_path, *words, says="1000000")
     refused(
-        tmp_path, "show", stopped, *each, "--pixels", 64, *output, says="--pixels has no use with"
+        tmp_path,
+        "show",
+        stopped,
+        *each,
+        "--pixels",
+        64,
+        *output,
+        says="--pixels cannot be used with",
     )
 
 
@@ -221,6 +228,6 @@ def test_a_report_at_fault_is_refused(tmp_path, stopped):
     for kind in ("births", "membership"):
         for part in (stopped / kind).iterdir():
             part.unlink()
-    refused(tmp_path, "report", stopped, says="no whole generation yet")
+    refused(tmp_path, "report", stopped, says="no complete generation yet")
     page = tmp_path / "r.html"
-    refused(tmp_path, "report", stopped, "-o", page, says="no whole generation yet")
+    refused(tmp_path, "report", stopped, "-o", page, says="no complete generation yet")

@@ -100,13 +100,19 @@ def test_bad_input(tmp_path, town_file, genome_file):
     refused(tmp_path, *town, "-o", tmp_path / "t.glb", "--tolerance", -1, says="--tolerance -1")
     refused(tmp_path, *town, "-o", tmp_path / "t.glb", "--storeys", 0, says="--storeys 0")
     refused(
-        tmp_path, *town, "-o", tmp_path / "t.glb", "--zoom", 2, says="--zoom does not fit the map"
+        tmp_path,
+        *town,
+        "-o",
+        tmp_path / "t.glb",
+        "--zoom",
+        2,
+        says="--zoom cannot be used with the map",
     )
     code = ("scene", genome_file, "-o", tmp_path / "t.glb")
-    refused(tmp_path, *code, "--pixels", 9, says="--pixels has no use with the genome")
+    refused(tmp_path, *code, "--pixels", 9, says="--pixels cannot be used with the genome")
     refused(tmp_path, *code, "--zoom", 1, "--zoom", 0, says="--zoom 0")
     refused(tmp_path, *code, "--zoom", 1, "--zoom", 1e6, says="million pixels")
     refused(tmp_path, *code, "--id", 3, says="not a run folder")
     path = tmp_path / "t.city.json"
     evocity.scene(CityMap(np.full((4, 4), 9.0), 2.0)).write(path)
-    refused(tmp_path, "scene", path, "-o", path, says="both read and written")
+    refused(tmp_path, "scene", path, "-o", path, says="both the input and the output")

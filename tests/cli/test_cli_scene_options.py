@@ -22,7 +22,7 @@ def test_the_command_draws_as_it_is_asked(tmp_path):
         tmp_path / "x.glb",
         "--tilt",
         60,
-        says="--tilt does not fit the output x.glb",
+        says="--tilt cannot be used with the output x.glb",
     )
     assert "'--seed'" in call(*words, "-o", tmp_path / "x.glb", "--seed", -1, code=2).stderr
     refused(
@@ -35,13 +35,13 @@ def test_nothing_that_is_read_is_written_over(tmp_path):
     words = ("scene", tmp_path / "town.npy", "--metres-per-pixel", 1)
     table = tmp_path / "own.city.json"
     table.write_text(TWO_CLASSES)
-    refused(tmp_path, *words, "--classes", table, "-o", table, says="both read and written")
+    refused(tmp_path, *words, "--classes", table, "-o", table, says="both the input and the output")
     Library.of(four_houses(), licence="CC0-1.0").write(tmp_path / "objects")
     path = tmp_path / "objects" / "objects.gpkg"
     library = ("--library", tmp_path / "objects", "-o", path)
-    refused(tmp_path, *words, *library, says="both read and written")
+    refused(tmp_path, *words, *library, says="both the input and the output")
     own = ("--licence", "CC0-1.0", "-o", tmp_path / "objects")
-    refused(tmp_path, "library", "new", path, *own, says="both read and written")
+    refused(tmp_path, "library", "new", path, *own, says="both the input and the output")
 
 
 def test_maps_of_one_name_make_a_library(tmp_path):
@@ -61,7 +61,9 @@ def test_objects_of_one_atmosphere(tmp_path):
     library = ("--library", tmp_path / "objects", "--atmosphere")
     assert "4 replaced by objects of the library" in call(*words, *library, "old town").output
     refused(tmp_path, *words, *library, "old twon", says="one of 'old town'")
-    refused(tmp_path, *words, "--atmosphere", "old town", says="--atmosphere without --library")
+    refused(
+        tmp_path, *words, "--atmosphere", "old town", says="--atmosphere is given without --library"
+    )
 
 
 def test_a_library_of_other_classes_is_told(tmp_path):

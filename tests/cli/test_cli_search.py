@@ -10,7 +10,9 @@ from PIL import Image
 import evocity
 from evocity.cli.shared.search_progress import LiveLine, LogLines, goal_signs, progress_line
 from evocity.errors import MapError, RunError
+from evocity.recipe.values import describe_reach
 from evocity.search import Generation
+from evocity.search.preparation.startup import Crew, start_engine
 
 
 @pytest.fixture
@@ -132,7 +134,7 @@ def test_a_recipe_that_is_none_is_refused(tmp_path):
     (tmp_path / "empty.toml").touch()
     refused(tmp_path, "run", tmp_path / "empty.toml", *words, says="empty.toml")
     (tmp_path / "torn.toml").write_text("[run")
-    refused(tmp_path, "run", tmp_path / "torn.toml", *words, says="not TOML")
+    refused(tmp_path, "run", tmp_path / "torn.toml", *words, says="not valid TOML")
     refused(tmp_path, "run", tmp_path, *words, says="cannot be read")
 
 
@@ -166,6 +168,21 @@ def test_a_resumed_run_is_the_uninterrupted_one(tmp_path, recipe, finished):
     assert rows(tmp_path / "run") == rows(finished)
 
 
+def test_who_reaches_a_cluster_without_tls_is_said_by_run_and_resume(tmp_path, recipe):
+    def here(prepared, crew, *others):
+        engine = start_engine(prepared, Crew(0), *others)
+        engine.notes = describe_reach(crew.cluster)
+        return engine
+
+    said = "Note: the cluster at tcp://10.0.0.1:8786 uses no TLS: anyone who reaches"
+    address = ("--cluster", "tcp://10.0.0.1:8786", "--workers", 1)
+    with patch("evocity.search.engine.start_engine", here):
+        words = ("--generations", 0, "--out", tmp_path / "run")
+        assert said in call("run", recipe, *address, *words).stderr
+        words = (tmp_path / "run", "--generations", 1)
+        assert said in call("resume", *words, *address).stderr
+
+
 def test_a_finished_run_gets_its_report_again(tmp_path, recipe):
     call("run", recipe, "--generations", 0, "--out", tmp_path / "run")
     (tmp_path / "run" / "report.html").unlink()
@@ -181,6 +198,7 @@ def test_status_tells_where_a_run_is(finished):
     told = json.loads(call("status", finished, "--json").stdout)
     assert set(told) == {
         "generation",
+        "damaged",
         "differs",
         "births",
         "failures",

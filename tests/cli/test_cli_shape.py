@@ -47,13 +47,13 @@ def test_one_shape_becomes_another(tmp_path):
     ("words", "says"),
     [
         (["show", "kock", "-o", "{}/a.png"], "did you mean koch"),
-        (["show", "menger", "-o", "{}/a.png"], "the shape lies in space"),
+        (["show", "menger", "-o", "{}/a.png"], "the shape is not two-dimensional"),
         (["show", "koch", "-o", "{}/a.gif"], "a name that ends in .png, .svg or .glb"),
         (["show", "koch", "-o", "{}/a.svg"], "add --depth"),
         (["show", "koch", "-o", "{}/none/a.png"], "cannot be written"),
         (["show", "{}/none.json", "-o", "{}/a.png"], "No such file"),
         (["show", "koch", "--depth", "40", "-o", "{}/a.png"], "pieces"),
-        (["morph", "koch", "menger", "-t", "0.5", "-o", "{}/a.png"], "the other in space"),
+        (["morph", "koch", "menger", "-t", "0.5", "-o", "{}/a.png"], "is three-dimensional"),
     ],
 )
 def test_what_cannot_be_drawn_is_refused(tmp_path, words, says):

@@ -38,8 +38,8 @@ def test_a_part_of_a_map_is_scored(masks):
     assert told["lacunarity"] is None
     assert "528 px within 32 × 32 px" in call(*words, "--fitness", "gsi").stdout
     lines = call(*words).stdout
-    assert "which is not a rectangle" in lines
-    for name, says in (("lacunarity", "is not a rectangle"), ("integrity", "needs the genome")):
+    assert "because this part is not a rectangle" in lines
+    for name, says in (("lacunarity", "is not a rectangle"), ("integrity", "whole map: genome")):
         refused(masks, *words, "--fitness", name, says=says)
 
 
@@ -51,7 +51,7 @@ def test_parts_that_do_not_serve_are_refused(masks):
     )
     refused(masks, *words, masks / "none.npy", says="no file")
     np.save(masks / "none.npy", np.zeros((64, 64), np.float32))
-    refused(masks, *words, masks / "none.npy", says="no pixel of town is above 0")
+    refused(masks, *words, masks / "none.npy", says="no value above 0 on the map town")
 
 
 def test_a_run_is_scored_as_it_was_measured(masks):

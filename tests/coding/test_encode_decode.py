@@ -190,7 +190,7 @@ def test_moved_against_its_naive_twin():
 def test_a_start_that_is_not_finite_is_no_start(town, height):
     start = town.heights.copy()
     start[3, 4] = height
-    with pytest.raises(GenomeError, match="the start has heights"):
+    with pytest.raises(GenomeError, match="heights in the array 'start' go"):
         decode(uniformly(town).genome, start=start)
 
 

@@ -17,7 +17,7 @@ from evocity.coding.matching.d4 import (
     part_sizes,
     used_parts,
 )
-from evocity.coding.matching.domains import domain_pool, domain_pools
+from evocity.coding.matching.domains import domain_pools
 from evocity.coding.matching.equivalence._kernels import kind_kernels, z_order
 from evocity.coding.matching.tiles import cut_tiles
 
@@ -82,20 +82,20 @@ def test_tiles_hold_unit_blocks_as_the_naive_twin_has_them(town, block, multiple
             np.sort(tiles.at),
             np.flatnonzero(
                 np.pad(
-                    part.norms[:, : part.shape[1]] > 0,
+                    part.folded[1][:, : part.shape[1]] > 0,
                     ((part.top, 0), (0, tiles.width - part.shape[1])),
                 )
             ),
         )
-        assert norms[: y.size] == pytest.approx(part.norms[y - part.top, x], rel=1e-5)
-        assert codes[: y.size] == pytest.approx(part.planes[y - part.top, :, x], abs=1e-5)
+        assert norms[: y.size] == pytest.approx(part.folded[1][y - part.top, x], rel=1e-5)
+        assert codes[: y.size] == pytest.approx(part.folded[0][y - part.top, :, x], abs=1e-5)
 
 
 def test_of_domain_blocks_alike_the_first_is_kept(town):
     heights = np.tile(town.heights[:20, :20], (2, 2)) + np.float32(3)
-    pool = domain_pool(heights, 4, 2)
+    pool = naive.domain_pool(heights, 4, 2)
     seen, truth = set(), []
-    for y, x in np.argwhere(pool.norms):
+    for y, x in np.argwhere(pool.folded[1]):
         relief = naive.shrunk(heights, y, x, 2, 2, 4)
         relief = (relief - relief[0, 0] + 0.0).tobytes()
         if relief not in seen:
@@ -105,7 +105,7 @@ def test_of_domain_blocks_alike_the_first_is_kept(town):
     assert (np.diff(found.at) > 0).all()
     places = set(zip(*np.divmod(found.at, pool.shrunk.shape[1]), strict=True))
     assert places >= set(truth)
-    assert len(places) < 1.1 * len(truth) < np.count_nonzero(pool.norms) / 2
+    assert len(places) < 1.1 * len(truth) < np.count_nonzero(pool.folded[1]) / 2
 
 
 @pytest.mark.parametrize("count", [1, 3, 9])
@@ -130,10 +130,10 @@ def test_blocks_are_ordered_along_the_z_curve(count):
 def test_the_faintest_relief_counts_on_any_level(high):
     """A slope of 1/8 m, exact in float32 on every level: blocks are one, none is flat."""
     slope = np.arange(24, dtype=np.float32)[:, None] / 8 + np.zeros(20, np.float32)
-    tiles = cut_tiles(domain_blocks(domain_pool(slope + np.float32(high), 4, 2)), 1.0)
+    tiles = cut_tiles(domain_blocks(naive.domain_pool(slope + np.float32(high), 4, 2)), 1.0)
     assert tiles.at == [0]
     assert tiles.tops == pytest.approx(np.float32(4 * np.std([0, 1 / 4, 2 / 4, 3 / 4])))
-    pool = domain_pool(slope + np.float32(high), 4, 2)
+    pool = naive.domain_pool(slope + np.float32(high), 4, 2)
     every = cut_tiles(domain_blocks(pool, doubles=True), 1.0)
     assert every.at.size == 17 * 13
     codes = every.planes.swapaxes(1, 2).reshape(-1, 16)[: 17 * 13]
@@ -145,23 +145,23 @@ def test_the_faintest_relief_counts_on_any_level(high):
 def test_kinds_are_told_apart_whatever_their_keys(town, block, places):
     """Under weights of 1 and in little room, kinds have keys in common and forget each other."""
     heights = np.tile(town.heights[:16, :16], (2, 2))
-    pool = domain_pool(heights, block, 2)
+    pool = naive.domain_pool(heights, block, 2)
     (rows, columns), width = pool.shape, pool.shrunk.shape[1]
     at, table = np.empty(rows * columns + 1, np.int64), np.zeros(places, np.int32)
     first_of_kinds, _ = kind_kernels(block)
     where = (pool.shrunk, 2, 0, rows, np.ones(block * block), pool.least)
     found = set(at[: first_of_kinds(*where, table, at)].tolist())
     kinds = {}
-    for y, x in np.argwhere(pool.norms):
+    for y, x in np.argwhere(pool.folded[1]):
         relief = naive.shrunk(heights, y, x, 2, 2, block)
         kinds.setdefault((relief - relief[0, 0] + 0.0).tobytes(), y * width + x)
     assert set(kinds.values()) <= found
-    assert places < 1024 or len(found) < np.count_nonzero(pool.norms)
+    assert places < 1024 or len(found) < np.count_nonzero(pool.folded[1])
 
 
 @pytest.mark.parametrize("flat", [0.5, 2.0, 6.0])
 def test_domains_flatter_than_asked_are_in_no_tile(town, flat):
-    pool = domain_pool(town.heights + np.float32(100), 4, 2, flat)
+    pool = naive.domain_pool(town.heights + np.float32(100), 4, 2, flat)
     energy = {
         y * pool.shrunk.shape[1] + x: naive.shrunk(town.heights, y, x, 2, 2, 4).var() * 16
         for y, x in np.ndindex(pool.shape)
@@ -180,7 +180,7 @@ def test_norms_of_parts_are_not_too_small(block):
     """Where next to nothing is left of a part across its lowest frequency, rounding decides."""
     y, x = np.mgrid[:88, :90]
     wave = 100 + np.cos(y / 30) + np.cos(x / 20 + y / 50)
-    pool = domain_pool(wave.astype(np.float32), block, 2)
+    pool = naive.domain_pool(wave.astype(np.float32), block, 2)
     tiles = cut_tiles(domain_blocks(pool, doubles=True), 1.0)
     found = tiles.shares.swapaxes(1, 2).reshape(-1, tiles.shares.shape[1])[:: block**2 // 4]
     basis = d4_basis(block) - d4_basis(block).mean(axis=1, keepdims=True)
@@ -202,20 +202,20 @@ def test_norms_of_parts_are_not_too_small(block):
 
 def test_relief_that_is_rounding_counts_as_flat():
     heights = np.tile(np.float32([1e4, 1.2345e-7, 3333.3]), (32, 11))
-    pool = domain_pool(heights, 4, 3)  # every mean of 3 × 3 px is that of the three
+    pool = naive.domain_pool(heights, 4, 3)  # every mean of 3 × 3 px is that of the three
     assert np.ptp(pool.shrunk) > 0
     assert cut_tiles(domain_blocks(pool, doubles=True), 1.0).at.size == 0
-    assert not pool.norms.any()
+    assert not pool.folded[1].any()
 
 
 @given(st.integers(1, 40), st.integers(1, 6), st.sampled_from([0.3, 0.8, 1.0]))
 def test_bands_of_a_pool_are_the_pool(rows, count, last):
     heights = np.random.default_rng(rows).random((rows + 7, 9)).astype(np.float32)
-    pool = domain_pool(heights, 4, 2)
+    pool = naive.domain_pool(heights, 4, 2)
     bands = pool.split(count, last)
     assert 1 <= len(bands) <= count
     assert bands[0].top == pool.top
     assert [band.top + band.rows for band in bands] == [b.top for b in bands[1:]] + [pool.rows]
     assert all(band.rows > 0 for band in bands)
-    planes = np.concatenate([band.planes for band in bands])
-    assert np.array_equal(planes, pool.planes)
+    planes = np.concatenate([band.folded[0] for band in bands])
+    assert np.array_equal(planes, pool.folded[0])

@@ -219,11 +219,11 @@ def test_settled_roofs_are_flat_and_raw_ones_the_papers(town):
         ({"max_error": np.nan}, "0 or more"),
         ({"block": 4, "lifs": 100}, "one side"),
         ({"block": 4, "max_error": 1}, "one side"),
-        ({"block": (3, 16)}, "halving"),
-        ({"block": (16, 2)}, "halving"),
+        ({"block": (3, 16)}, "times the finest side"),
+        ({"block": (16, 2)}, "times the finest side"),
         ({"block": (2, 128)}, "multiples of 128"),
-        ({"block": (2, 4, 8)}, "two numbers, the finest"),
-        ({"block": "2-16"}, "two numbers, the finest"),
+        ({"block": (2, 4, 8)}, "two numbers, the smallest"),
+        ({"block": "2-16"}, "two numbers, the smallest"),
     ],
 )
 def test_choices_at_fault_are_told(town, how, word):
@@ -235,5 +235,5 @@ def test_maps_that_16_does_not_divide_take_smaller_roots():
     city = draw_town(3, side=72)
     assert encode(city, **RAW).genome.pavement.coarsest == 8
     assert uniformly(draw_town(3, side=48), block=6).genome.pavement.block == 6
-    with pytest.raises(GenomeError, match="even sides"):
+    with pytest.raises(GenomeError, match="an even height"):
         encode(CityMap(np.ones((33, 32)), 2.0))

@@ -12,10 +12,10 @@ from hypothesis.extra.numpy import arrays
 from evocity import isometries
 from evocity.coding import best_correlations
 from evocity.coding.matching import best_matches
+from evocity.coding.matching.candidates import Shapes
 from evocity.coding.matching.d4 import d4_matrix
-from evocity.coding.matching.domains import domain_pool, domain_pools
+from evocity.coding.matching.domains import domain_pools
 from evocity.coding.matching.exact_scores._kernels import keep
-from evocity.coding.matching.shapes import Shapes
 from evocity.coding.parameters import Coding
 from evocity.errors import MapError
 from evocity.pavement import Pavement
@@ -207,24 +207,24 @@ def test_d4_coordinates_keep_inner_products(block):
 @pytest.mark.parametrize(("block", "multiple"), [(2, 2), (3, 2), (4, 2), (4, 3), (8, 2)])
 def test_folded_domains_against_the_naive_twin(town, block, multiple):
     heights = town.heights[:40, :37]
-    pool = domain_pool(heights, block, multiple)
+    pool = naive.domain_pool(heights, block, multiple)
     rows, columns = pool.shape
     assert (rows, columns) == (41 - block * multiple, 38 - block * multiple)
     for y, x in np.ndindex(rows, columns):
         domain = naive.shrunk(heights, y, x, multiple, multiple, block)
         truth = d4_matrix(block).astype(float) @ domain.ravel()
-        assert pool.planes[y, :, x] * pool.norms[y, x] == pytest.approx(truth, abs=1e-4)
-    assert (pool.planes[:, :, columns:] == 0).all()
-    assert (pool.norms[:, columns:] == 0).all()
+        assert pool.folded[0][y, :, x] * pool.folded[1][y, x] == pytest.approx(truth, abs=1e-4)
+    assert (pool.folded[0][:, :, columns:] == 0).all()
+    assert (pool.folded[1][:, columns:] == 0).all()
 
 
 def test_a_pools_norms_are_the_blocks_own(town):
-    pool = domain_pool(town.heights, 4, 2)
+    pool = naive.domain_pool(town.heights, 4, 2)
     rows, columns = pool.shape
     assert (rows, columns) == (57, 57)
     for y, x in [(0, 0), (10, 31), (56, 56)]:
         block = naive.shrunk(town.heights, y, x, 2, 2, 4)
-        assert pool.norms[y, x] == pytest.approx(4 * block.std(), rel=1e-4, abs=1e-3)
+        assert pool.folded[1][y, x] == pytest.approx(4 * block.std(), rel=1e-4, abs=1e-3)
 
 
 @pytest.mark.parametrize("reach", [3, 12, None])

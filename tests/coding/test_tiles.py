@@ -12,7 +12,7 @@ from evocity.coding import matching
 from evocity.coding.matching._kernels import LANES, ROOM, hopeful, most_likely, promises
 from evocity.coding.matching.candidates import RangeCodes, domain_blocks
 from evocity.coding.matching.d4 import d4_matrix
-from evocity.coding.matching.domains import domain_pool, domain_pools
+from evocity.coding.matching.domains import domain_pools
 from evocity.coding.matching.matches import UNSURE
 from evocity.coding.matching.tiles import cut_tiles, raise_best
 from evocity.coding.parameters import Coding
@@ -38,7 +38,7 @@ def towns(draw, side, block):
 @given(st.data(), st.sampled_from([2, 3, 4, 5, 8]), st.sampled_from([0.5, 0.9, np.inf]))
 def test_a_tile_reaches_what_its_best_block_explains(data, block, sigma_max):
     heights, blocks = towns(data.draw, {2: 16, 3: 18, 4: 24, 5: 25, 8: 32}[block], block)
-    pool = domain_pool(heights, block, 2)
+    pool = naive.domain_pool(heights, block, 2)
     tiles = cut_tiles(domain_blocks(pool), sigma_max)
     codes = codes_of(blocks)
     energy = np.einsum("nk,nk->n", codes, codes)
@@ -67,7 +67,7 @@ def test_no_end_of_equals_is_lost():
     """A chessboard's tiles all explain as much: more than there is room for at first."""
     heights = np.kron(np.indices((64, 64)).sum(axis=0) % 2, np.ones((4, 4))).astype(np.float32)
     heights += np.arange(256, dtype=np.float32)[:, None] * 3
-    pool = domain_pool(heights, 4, 2)
+    pool = naive.domain_pool(heights, 4, 2)
     tiles = cut_tiles(domain_blocks(pool, doubles=True), np.inf)
     blocks = Pavement(*heights.shape, 4).blocks(heights)
     codes = codes_of(blocks)[:300]
@@ -145,7 +145,7 @@ def test_leaving_out_doubles_changes_nothing(town, monkeypatch):
 
 
 def test_flat_maps_have_no_tiles():
-    pool = domain_pool(np.full((16, 16), 7, np.float32), 4, 2)
+    pool = naive.domain_pool(np.full((16, 16), 7, np.float32), 4, 2)
     tiles = cut_tiles(domain_blocks(pool), 0.9)
     best = np.zeros(3, np.float32)
     ranges = RangeCodes.of(np.ones((3, 16), np.float32))

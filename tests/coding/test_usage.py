@@ -212,9 +212,9 @@ def test_values_told_of_lyon_are_true():
     lyon = evocity.read_map("lyon-1er")
     near, whole = (usage(uniformly(lyon, reach=reach).genome) for reach in (24, None))
     most, served = near.domain_calls.max(), (near.calls > 0).sum()
-    told = f"{served} lifs call {len(near.domain_calls)} domain blocks, each at most {most} times"
-    assert told in words
-    told = f"only {len(whole.domain_calls)} domain blocks, one of these {whole.domain_calls.max()} "
-    assert told in words
+    called = len(near.domain_calls)
+    assert f"{served} lifs of this code call {called} domain blocks, each at most {most} " in words
+    called, most = len(whole.domain_calls), whole.domain_calls.max()
+    assert f"only {called} domain blocks, and one of these blocks {most} times" in words
     assert (whole.pixels == 0).mean() == pytest.approx(2 / 3, abs=0.05)
-    assert "never calls two pixels in three" in words
+    assert "lifs copy only one in three pixels of Lyon" in words

@@ -62,7 +62,9 @@ def _die_at(deed: int, out: str) -> None:
         nonlocal left
         if event not in ("open", "os.rename", "os.remove", "os.mkdir", "os.truncate", "os.rmdir"):
             return
-        if isinstance(given[0], str | os.PathLike) and os.fspath(given[0]).startswith(place):
+        named = os.fspath(given[0]) if isinstance(given[0], str | os.PathLike) else ""
+        by_descriptor = event.startswith("os.") and named and not os.path.isabs(named)
+        if named.startswith(place) or by_descriptor:
             left -= 1
             if left < 0:
                 os.kill(os.getpid(), signal.SIGKILL)

@@ -1,9 +1,10 @@
-"""The measure ``bad`` of forty kinds, as source: what it does is told by the name of its genome's
-city. ``calm`` ones find out whether another left something behind in their process."""
+"""The measure ``bad`` of ninety kinds, as source: the name of its genome's city says what it does.
+``calm`` ones check whether another left something behind in their process."""
 
 SOURCE = r'''
-import ctypes, faulthandler, gc, json, multiprocessing, os, random, resource, signal, subprocess
-import sys, tempfile, threading, time, warnings
+import atexit, builtins, ctypes, decimal, faulthandler, gc, json, locale, math, multiprocessing, os
+import pickle, random, resource, shutil, signal, struct, subprocess, sys, tempfile, threading, time
+import warnings
 import numpy as np
 import evocity
 
@@ -31,6 +32,9 @@ def at_rest():
     assert "json" in sys.modules and "numpy" in sys.modules
     assert gc.isenabled()
     assert sys.getrecursionlimit() == 1000
+    assert ctypes.CDLL(None).fegetround() == 0
+    assert float(np.float64(5e-324) * np.float64(1)) == 5e-324
+    assert sum([1, 2]) == 3 and isinstance(1, int) and open is not None
     mask = os.umask(0o022)
     assert mask == 0o022, mask
     print("a calm birth")
@@ -185,7 +189,7 @@ def grows_shared():
     time.sleep(1e6)
 
 
-KEPT = []
+KEPT, CITY = [], []
 
 
 def leaks():
@@ -321,6 +325,130 @@ def stops_its_parent(): os.kill(os.getppid(), signal.SIGSTOP)
 def waits(): time.sleep(0.4)
 
 
+# -- the floating-point environment, built-in functions, the interpreter
+
+def rounds_up(): ctypes.CDLL(None).fesetround(0x800)
+def rounds_to_zero(): ctypes.CDLL(None).fesetround(0xC00)
+
+
+def flushes_to_zero():
+    state = (ctypes.c_uint32 * 8)()  # of x86-64: the last word is MXCSR
+    ctypes.CDLL(None).fegetenv(state)
+    state[7] |= 0x8040
+    ctypes.CDLL(None).fesetenv(state)
+
+
+def traps_divisions(): ctypes.CDLL(None).feenableexcept(0x1D)
+def replaces_sum(): builtins.sum = lambda *_: 7
+def replaces_isinstance(): builtins.isinstance = lambda *_: True
+def replaces_import(): builtins.__import__ = None
+def replaces_all(): builtins.all = builtins.map = builtins.len = None
+
+
+def changes_time_zone():
+    os.environ["TZ"] = "Pacific/Apia"
+    time.tzset()
+
+
+def changes_locale(): locale.setlocale(locale.LC_ALL, "C.UTF-8")
+def changes_decimals(): decimal.getcontext().prec = 2
+def shows_no_digits(): np.set_printoptions(precision=0, threshold=1)
+def switches_rarely(): sys.setswitchinterval(100)
+def exits_later(): atexit.register(os._exit, 3)
+def hooks_errors(): sys.excepthook = sys.unraisablehook = threading.excepthook = None
+def removes_its_temporary_folder(): shutil.rmtree(tempfile.gettempdir())
+
+
+def opens_files():
+    KEPT.extend(open(os.devnull) for _ in range(50))
+
+
+# -- evocity's own code, and that of NumPy: the canary notices
+
+def replaces_evaluate():
+    from dataclasses import replace
+    from evocity.evaluation.evaluator import Evaluator
+    whole = Evaluator.evaluate
+
+    def evaluate(self, *given, **named):
+        outcome = whole(self, *given, **named)
+        return replace(outcome, values={name: one + 1 for name, one in outcome.values.items()})
+
+    Evaluator.evaluate = evaluate
+
+
+def replaces_a_measure():
+    object.__setattr__(evocity.fitness.get("gsi"), "function", lambda city: 0.5)
+
+
+def replaces_decoding():
+    from evocity.coding import decoding_cache
+    whole = decoding_cache.decode
+    decoding_cache.decode = lambda genome: whole(genome.replace(beta=genome.beta + 1))
+
+
+def replaces_a_view():
+    evocity.CityMap.built = property(lambda city: city.heights > 5)
+
+
+def replaces_rounding():
+    whole = np.rint
+    np.rint = lambda array, *more: whole(array, *more) + 1
+
+
+def writes_the_map():
+    CITY[0].heights.setflags(write=True)
+    CITY[0].heights[:] = 0
+
+
+def writes_a_view():
+    CITY[0].built.setflags(write=True)
+    CITY[0].built[:] = True
+
+
+def breaks_the_decoder():
+    from evocity.coding import decoding_cache
+    decoding_cache.decode = None
+
+
+def hangs_the_next():
+    from evocity.coding import decoding_cache
+    decoding_cache.decode = lambda genome: time.sleep(1e6)
+
+
+def ends_the_next():
+    from evocity.coding import decoding_cache
+    decoding_cache.decode = lambda genome: os._exit(3)
+
+
+# -- what a measure writes into its worker's connection
+
+def sent(message):
+    for name in os.listdir("/proc/self/fd"):
+        place = f"/proc/self/fd/{name}"
+        if int(name) >= 200 and os.path.exists(place) and "socket" in os.readlink(place):
+            os.write(int(name), message)
+
+
+class Touches:
+    def __reduce__(self):
+        return os.system, (f"touch {NOTES}/unpickled-1",)
+
+
+def framed(message): return struct.pack("<Q", len(message)) + message
+def sends_noise(): sent(random.Random(1).randbytes(10**5))
+def sends_a_pickle(): sent(framed(pickle.dumps(Touches())))
+def sends_a_great_length(): sent(struct.pack("<Q", 1 << 40))
+def sends_no_document(): sent(framed(b"EVO1" + struct.pack("<Q", 2) + b"[]"))
+def sends_a_part(): sent(struct.pack("<Q", 1 << 20) + b"a part")
+
+
+def sends_another_answer():
+    from evocity.evaluation.answers import Answer, write_answer
+    from evocity.evaluation.evaluator import Outcome
+    sent(write_answer(Answer(10**6, Outcome("ok", values={"bad": 1.0}), False, "")))
+
+
 @evocity.fitness(goal="max")
 def bad(city, genome):
     kind = genome.cities[0]
@@ -328,16 +456,17 @@ def bad(city, genome):
     if kind.startswith("calm"):
         at_rest()
         return value(city) + int(kind[5:])
+    before, CITY[:] = value(city), [city]
     told = globals()[kind]()
-    own = kind in OWN_VALUES or isinstance(told, float)
-    return told if own else value(city)
+    own = kind in OWN_VALUES or type(told) in (float, BadReal)
+    return told if own else before
 
 
 OWN_VALUES = ("text", "nothing", "boolean", "imaginary", "array", "generator", "bad_float",
               "bad_real", "endless_number")
 '''
 
-#: How a birth of each kind ends.
+#: How a birth of each kind ends; "changed": an error, since the canary differs after it.
 ENDS = {
     "ok": (
         "closes_files starts_threads forks_and_returns forks_and_raises forked_hangs "
@@ -345,21 +474,37 @@ ENDS = {
         "prints_much_and_ends prints_holding_all prints_from_a_child moves moves_nowhere "
         "changes_environment seeds forgets_modules changes_path handles_signals sets_an_alarm "
         "blocks_signals closes_stdout replaces_stdout swaps_stdout will_dump uses_processes "
-        "leaves_a_process leaves_files limits_itself raises_all_errors"
+        "leaves_a_process leaves_files limits_itself raises_all_errors rounds_up rounds_to_zero "
+        "flushes_to_zero traps_divisions replaces_sum replaces_isinstance replaces_import "
+        "changes_time_zone changes_locale changes_decimals shows_no_digits switches_rarely "
+        "exits_later hooks_errors replaces_all removes_its_temporary_folder opens_files"
     ),
     "error": (
         "raises leaves recurses interrupts bad_text unpicklable long_text control_text bad_real "
         "endless_number"
     ),
+    "changed": (
+        "replaces_evaluate replaces_a_measure replaces_decoding replaces_a_view replaces_rounding "
+        "writes_the_map writes_a_view breaks_the_decoder hangs_the_next ends_the_next"
+    ),
     "invalid": ("nan infinite text nothing boolean imaginary array generator bad_float"),
-    "timeout": "stops_itself hangs hangs_in_c deaf_and_hangs leader_and_hangs prints prints_in_c",
+    "timeout": (
+        "stops_itself hangs hangs_in_c deaf_and_hangs leader_and_hangs prints prints_in_c "
+        "sends_a_part"
+    ),
     "died": (
-        "exits_0 exits_1 exits_255 crashes aborts kills_itself closes_all_files leader_and_exits"
+        "exits_0 exits_1 exits_255 crashes aborts kills_itself closes_all_files leader_and_exits "
+        "sends_noise sends_a_pickle sends_a_great_length sends_no_document sends_another_answer"
     ),
     "memory": "allocates allocates_bytes grows grows_shared recurses_deeper",
 }
-#: Those whose value is what it would be without the bad deed.
-KINDS = {name: status for status, names in ENDS.items() for name in names.split()}
+#: The status of each kind; those of "ok" have the value that they have without the bad deed.
+KINDS = {
+    name: "error" if status == "changed" else status
+    for status, names in ENDS.items()
+    for name in names.split()
+}
+CHANGING = ENDS["changed"].split()
 #: One of each sort.
 FEW = [
     "starts_a_leader",
@@ -371,6 +516,11 @@ FEW = [
     "uses_processes",
     "leaves_files",
     "raises_all_errors",
+    "rounds_up",
+    "replaces_sum",
+    "replaces_evaluate",
+    "hangs_the_next",
+    "sends_a_pickle",
     "raises",
     "unpicklable",
     "nan",

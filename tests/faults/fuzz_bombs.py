@@ -13,6 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import rasterio
 from fuzz_damage import as_json, chunk
+from toy_runs import unsealed
 
 CORNER = (770000.0, 6270000.0)
 
@@ -250,7 +251,7 @@ def _parts(folder: Path, run: Path, long: bool):
     word = pa.DictionaryArray.from_arrays(pa.array([0] * rows, pa.int32()), ["o" * (70 << 20)])
     field = table.schema.field(operator)
     yield "operator", births, made(table.set_column(operator, field, word))
-    about = json.loads((run / "provenance.json").read_text())
+    about = unsealed(run / "provenance.json")
     name = "\x1b[31m\u202e=cmd|" * 100
     for key in ("cities", "measures"):
         named = about["header"] | {key: [name]}

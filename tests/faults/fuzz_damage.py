@@ -290,3 +290,32 @@ def described(rng: np.random.Generator, path: Path) -> bytes:
 
 def as_json(document) -> bytes:
     return json.dumps(document).encode()
+
+
+def nested(rng: np.random.Generator, text: str) -> str:
+    """A recipe's ``text`` with dotted keys, headers, inline tables and lists in each other."""
+    lines = text.splitlines()
+    for _ in range(int(rng.integers(1, 6))):
+        depth = int(rng.choice([2, 8, 31, 32, 33, 34, 100, 3000, 40_000]))
+        part = str(rng.choice(["a", '"a b"', "'q'", "operators", "é", "1", "a-b", '""', "run"]))
+        path = str(rng.choice([".", " . ", ".\t"])).join([part] * depth)
+        line = str(
+            rng.choice(
+                [
+                    f"{path} = 1",
+                    f"[{path}]",
+                    f"[[{path}]]",
+                    f"x = {{ {path} = 1 }}",
+                    "x = " + "{ a = " * min(depth, 5000) + "1" + " }" * min(depth, 5000),
+                    "x = " + "[" * depth + "]" * depth,
+                    "x = [" + f"{{ {path} = 1.5 }}, " * 3 + "]",
+                    f'x = """{path}""""" # {path}',
+                    f"x = '''{path}",
+                    f"x = {'1' * depth}",
+                    f"{path}",
+                    f"# {path}",
+                ]
+            )
+        )
+        lines.insert(int(rng.integers(0, len(lines) + 1)), line)
+    return "\n".join(lines)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 #: Seconds an input may take, and MiB of memory beside what the process had before.
-SECONDS, MIB = 30.0, 2048.0
+SECONDS, MIB = 10.0, 600.0
 
 CHILD = Path(__file__).with_name("fuzz_child.py")
 

@@ -8,7 +8,7 @@ import fuzz_seeds
 import numpy as np
 import pytest
 from fuzz_bombs import bombs
-from fuzz_damage import damaged, described
+from fuzz_damage import damaged, described, nested
 from fuzz_drive import MIB, SECONDS, outcomes
 
 from evocity.io import READERS
@@ -85,6 +85,19 @@ def test_bombs(told):
 @pytest.mark.timeout(3600)
 def test_large_bombs(files, tmp_path):
     check(read(bombs(tmp_path / "bombs", files, long=True), tmp_path))
+
+
+@pytest.mark.slow
+def test_300_recipes_of_nested_keys(files, tmp_path):
+    rng, jobs = np.random.default_rng(3), []
+    for number in range(300):
+        kind = ("recipe", "classes", "kinds", "types")[number % 4 if number % 2 else 0]
+        whole = files[kind][number % len(files[kind])]
+        path = tmp_path / "inputs" / f"nested-{number}" / whole.name
+        path.parent.mkdir(parents=True)
+        path.write_text(nested(rng, whole.read_text("utf-8")), "utf-8")
+        jobs.append({"kind": kind, "name": path.parent.name, "path": str(path)})
+    check(read(jobs, tmp_path))
 
 
 def fuzzed(files, folder: Path, count: int, seed: int) -> list[dict]:

@@ -40,6 +40,13 @@ def slow(city):
 """
 
 
+def command_of(pid: int) -> str:
+    """The command line of a process; nothing if there is none."""
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode()
+    return ""
+
+
 class Host:
     """`faults_host` in a process of its own."""
 
@@ -68,6 +75,32 @@ class Host:
         code = self._ask({"wait": pid})
         self._running.remove(pid)
         return code
+
+    def left(self, seconds: float = 5.0) -> list[str]:
+        """What of all runs that ended is still there after so many seconds: command lines."""
+        until = time.monotonic() + seconds
+        while True:
+            staying = {self._process.pid, *self._running}
+            found = [one for one in self._family() if one not in staying]
+            if not found or time.monotonic() > until:
+                return list(filter(None, map(command_of, found)))
+            time.sleep(0.02)
+
+    def nurseries(self, pid: int) -> list[int]:
+        """What starts the workers of a run."""
+        children = linux_processes.children(pid)
+        return [one for one in children if "fork_server import main" in command_of(one)]
+
+    def _family(self) -> list[int]:
+        """All processes that this one started, at whatever remove: they have its folder."""
+        if not linux_processes.LINUX:
+            return []
+        found, mark = [], f"TMPDIR={self._told.parent}\0".encode()
+        for one in filter(str.isdigit, os.listdir("/proc")):
+            with contextlib.suppress(OSError):
+                if mark in Path(f"/proc/{one}/environ").read_bytes():
+                    found.append(int(one))
+        return found
 
     def told(self, pid: int) -> str:
         """What a run that ended with 3 told."""
@@ -144,20 +177,29 @@ def begun_or_resumed(host, recipe, out, **how) -> int:
 
 
 def killed_at_random(host, folder, rng, kills: int, workers: int, generations: int) -> int:
-    """A run that is killed at random moments until it is finished, or after so many kills let
-    through; how often it was killed."""
+    """A run that is killed until it is finished, or after so many kills let through; how often it
+    was killed. In turn it is killed at a random moment, before a random deed on files, and after
+    what starts its workers was killed."""
     recipe, out = write_toy(folder, SLOW, generations=generations), folder / "run"
-    done = 0
+    done, longest = 0, 0.8 if workers == 0 else 4.0
     while True:
-        pid = begun_or_resumed(host, recipe, out, workers=workers)
+        die = int(rng.integers(1, 80)) if done % 3 == 1 and done < kills else None
+        pid = begun_or_resumed(host, recipe, out, workers=workers, die=die)
         if done == kills:
-            assert host.ended(pid) == 0
+            assert host.ended(pid) == 0, host.told(pid)
+            assert host.left() == []
             return done
-        time.sleep(float(rng.uniform(0.02, 0.8 if workers == 0 else 3.0)))
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGKILL)
+        if die is None:
+            if done % 3 == 2 and workers:
+                time.sleep(float(rng.uniform(0.02, longest)))
+                for one in host.nurseries(pid):
+                    linux_processes.kill(one)
+            time.sleep(float(rng.uniform(0.02, longest)))
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
         if host.ended(pid) == 0:
             return done
+        assert host.left() == []
         done += 1
         if out.exists():
             RunLog(out).status()  # readable at once
@@ -165,19 +207,19 @@ def killed_at_random(host, folder, rng, kills: int, workers: int, generations: i
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("kills", "workers", "generations"),
+    ("kills", "workers", "generations", "turn"),
     [
-        (3, 0, 8),
-        pytest.param(6, 0, 12, marks=LONG),
-        pytest.param(2, 2, 20, marks=[*LONG, linux]),
-        pytest.param(30, 0, 60, marks=LONG),
-        pytest.param(30, 2, 150, marks=[*LONG, linux]),
+        (3, 0, 8, 0),
+        pytest.param(6, 0, 12, 0, marks=LONG),
+        pytest.param(3, 2, 20, 0, marks=[*LONG, linux]),
+        *(pytest.param(30, 0, 60, turn, marks=LONG) for turn in range(5)),
+        *(pytest.param(30, 2, 150, turn, marks=[*LONG, linux]) for turn in range(5)),
     ],
 )
 def test_killed_at_random_moments_it_goes_on_to_the_same_births(
-    host, tmp_path, uninterrupted, kills, workers, generations
+    host, tmp_path, uninterrupted, kills, workers, generations, turn
 ):
-    rng = np.random.default_rng(kills + workers)
+    rng = np.random.default_rng([kills, workers, turn])
     done = killed_at_random(host, tmp_path, rng, kills, workers, generations)
     assert done >= kills / 2
     assert rows(tmp_path / "run") == uninterrupted(generations, SLOW)

@@ -10,14 +10,15 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from toy_runs import write_toy
+from toy_runs import unsealed, write_toy
 
 from evocity import store
 from evocity.errors import RunError
 from evocity.fitness import registry
 from evocity.search import Search, read_recipe
-from evocity.store import RunLog, lock
+from evocity.store import RunLog
 from evocity.store.checksums import open_sealed, write_sealed
+from evocity.store.run_directory import RunDirectory
 
 
 def bred(folder, generations=4):
@@ -101,7 +102,7 @@ def test_a_whole_file_with_one_nucleotide_changed_is_refused(whole, tmp_path):
     copy = tmp_path / "run"
     shutil.copytree(whole, copy)
     path = copy / "births" / "generation-00000002.parquet"
-    with open_sealed(path) as file:
+    with open(path, "rb") as opened, open_sealed(opened) as file:
         table = file.read()
     at = table.schema.names.index("beta")
     numbers = np.array(table["beta"].to_pylist(), dtype=np.float64)
@@ -109,7 +110,7 @@ def test_a_whole_file_with_one_nucleotide_changed_is_refused(whole, tmp_path):
     kind = table.schema.field("beta").type
     column = pa.array([list(row) for row in numbers], kind)
     table = table.set_column(at, table.schema.field("beta"), column)
-    with write_sealed(path, table.schema) as writer:
+    with open(path, "wb+") as file, write_sealed(file, table.schema) as writer:
         writer.write_table(table)
     run = RunLog(copy)
     first = run.births(2, columns=["id"])["id"][0].as_py()
@@ -170,17 +171,17 @@ def test_a_run_of_before_is_read_without_seals(whole, tmp_path):
         for path in (copy / kind).iterdir():
             table = pq.read_table(path)
             pq.write_table(table, path)
-    told = json.loads((copy / "provenance.json").read_text())
+    told = unsealed(copy / "provenance.json")
     del told["files"]
     (copy / "provenance.json").write_text(json.dumps(told))
     assert all_that_is_read(copy) == expected
 
 
 def test_a_folder_that_is_read_only_is_told(whole, monkeypatch):
-    def refused(path):
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+    def refused(self, part):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(part))
 
-    monkeypatch.setattr(lock, "open_to_append", refused)
+    monkeypatch.setattr(RunDirectory, "append", refused)
     with pytest.raises(RunError, match="cannot be written: Permission denied"):
         Search.resume(whole, generations=9, workers=0)
     with pytest.raises(RunError, match="cannot be written"):

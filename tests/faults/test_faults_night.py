@@ -146,7 +146,7 @@ def below() -> list[int]:
     staying = [
         one
         for one in linux_processes.children(os.getpid())
-        if re.search("resource_tracker|nursery import main", command_of(one))
+        if re.search("resource_tracker|fork_server import main", command_of(one))
     ]
     return [one for one in found if one not in staying]
 

@@ -1,9 +1,11 @@
 """Texts of strangers on the way to the terminal, to a spreadsheet, and into the log."""
 
 import json
+import os
 import shutil
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,9 +13,11 @@ from click.testing import CliRunner
 from PIL import Image
 
 import evocity
+from evocity.analysis.individual import Individual
 from evocity.citymap import CityMap
 from evocity.cli import main
 from evocity.errors import LONGEST, MapError, RecipeError, cut_short, keyword, plain_text
+from evocity.evaluation.output import Drain
 from evocity.store import Birth, Header
 from evocity.store.provenance import environment
 from evocity.store.schema import LONGEST_ERROR, births_table
@@ -134,3 +138,24 @@ def test_the_command_is_kept_without_the_users_folders(monkeypatch, tmp_path):
     told = environment()["command"]
     assert told == ["evocity", "run", "r.toml", "--seed", "3", "--out=x", "maps/a.tif"]
     assert str(tmp_path) not in json.dumps(told)
+
+
+def test_no_control_character_is_in_what_python_shows():
+    heights = np.zeros((32, 32))
+    heights[8:20, 10:24] = 9
+    genome = evocity.encode(CityMap(heights, 2.0, name=EVIL)).genome
+    run = SimpleNamespace(path=Path(EVIL))
+    birth = SimpleNamespace(operator=EVIL, generation=1, status="ok", id=3, run=run)
+    for shown in (repr(genome), Individual.__repr__(birth)):
+        assert is_plain(shown)
+
+
+def test_no_control_character_of_a_measure_reaches_the_terminal():
+    read, write = os.pipe()
+    os.write(write, f"a\tb{EVIL}\u202ec\n".encode(errors="replace"))
+    os.close(write)
+    drain = Drain(read)
+    text = drain.text()
+    drain.close()
+    assert text.startswith("a\tb")
+    assert is_plain(text.replace("\t", " "))

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 from codes import uniformly
-from faults_kinds import FEW, KINDS, SOURCE
+from faults_kinds import CHANGING, FEW, KINDS, SOURCE
 
 from evocity import fitness
 from evocity.coding import decode
@@ -121,7 +121,7 @@ def noted(folder, what="") -> list[int]:
 @pytest.mark.parametrize(
     "kinds", [FEW, pytest.param(list(KINDS), marks=pytest.mark.long)], ids=["few", "all"]
 )
-def test_forty_kinds_of_bad_measure_cost_their_own_births(
+def test_ninety_kinds_of_bad_measure_cost_their_own_births(
     pool, genome, tmp_path, own_temporary, capfd, told, kinds
 ):
     notes = tmp_path / "notes"
@@ -157,7 +157,12 @@ def test_forty_kinds_of_bad_measure_cost_their_own_births(
     assert "30.0 GB" in errors["allocates"] or "27.9 GiB" in errors["allocates"]
     assert all("allowed: 400 MB" in errors[k] for k in kinds if KINDS[k] == "memory")
     # the births that killed and that stopped themselves were tried twice
-    assert 2 <= len(told) <= 2 + len(late)
+    assert 2 <= sum("its birth is done again" in text for text in told) <= 2 + len(late)
+    # the canary named each birth that changed its worker, and nothing of a worker was executed
+    changed = [kind for kind in kinds if kind in CHANGING]
+    assert all("leaves its worker so changed" in errors[kind] for kind in changed)
+    assert sum("a birth left its worker changed" in text for text in told) == len(changed)
+    assert noted(notes, "unpickled") == []
     # of 1 GB that was printed, a little is shown, and nothing that moves a cursor
     shown = capfd.readouterr().err
     assert len(shown) < len(names) * (MOST_PRINTED + 100)

@@ -14,7 +14,8 @@ from evocity import isometries
 from evocity.citymap import CityMap
 from evocity.errors import FitnessError
 from evocity.fitness import Reference, _kernels, fabric_distance, get
-from evocity.fitness.fabric import FEATURES, NUMBERS, _mean, features, left_out
+from evocity.fitness.energy import mean_distance
+from evocity.fitness.fabric import FEATURES, NUMBERS, features, left_out
 
 
 def town(seed, side=128, buildings=150):
@@ -76,10 +77,10 @@ def test_energy_distance_of_one_feature_is_scipy_s():
     rng = np.random.default_rng(2)
     x, y = rng.normal(size=(1, 90)).astype(np.float32), rng.gamma(2, 1, (1, 70)).astype(np.float32)
     ends = np.array([1])
-    within = [_mean(one, one, ends)[0] for one in (x, y)]
+    within = [mean_distance(one, one, ends)[0] for one in (x, y)]
     # scipy's is the root, and counts the pairs of a value with itself
     biased = [one * (1 - 1 / n) for one, n in zip(within, (90, 70), strict=True)]
-    squared = 2 * _mean(x, y, ends)[0] - sum(biased)
+    squared = 2 * mean_distance(x, y, ends)[0] - sum(biased)
     # scipy's energy distance squared, in one dimension, is half of ours doubled: 2 ∫ (F − G)²
     assert squared == pytest.approx(stats.energy_distance(x[0], y[0]) ** 2, rel=1e-4)
 
@@ -291,7 +292,7 @@ def test_a_reference_by_the_genome_wants_one_of_its_cities(towns):
     with pytest.raises(FitnessError, match="without its genome"):
         fabric_distance(towns[0], reference)
     strange = evocity.encode(towns[3].replace(towns[3].heights, name="elsewhere")).genome
-    with pytest.raises(FitnessError, match="the genome is made of elsewhere, but"):
+    with pytest.raises(FitnessError, match="the genome has the source cities elsewhere, but"):
         fabric_distance(towns[3], reference, genome=strange)
 
 

@@ -94,7 +94,7 @@ def test_measures_of_the_package_can_be_used(name):
 
 def test_no_map_is_refused_and_progress_is_told(measure):
     sound = measure("return city.heights.mean()")
-    with pytest.raises(FitnessError, match="no map to try tried on"):
+    with pytest.raises(FitnessError, match="list of maps for the trial of tried is empty"):
         check(sound, [])
     told = []
     check(sound, TOWNS, progress=lambda done, total: told.append((done, total)))

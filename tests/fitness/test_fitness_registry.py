@@ -136,7 +136,7 @@ def test_the_argument_is_the_city_alone():
         return 1.0
 
     for function in (two, none):
-        with pytest.raises(FitnessError, match=r"def \w+\(city\)"):
+        with pytest.raises(FitnessError, match="the parameter city first"):
             evocity.fitness(goal="max")(function)
     assert evocity.fitness(goal="max")(optional)(CITY) == 1.0
 
@@ -459,7 +459,7 @@ def test_a_family_is_no_measure():
     def ends(city):
         return {"low": 0, "high": 1}
 
-    with pytest.raises(FitnessError, match="an objective cannot be made of Family"):
+    with pytest.raises(FitnessError, match=r"Family.* cannot be an objective"):
         Objective(ends)
 
 
@@ -643,7 +643,7 @@ def test_to_be_like_a_city_is_to_have_its_value():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({}, "gsi has no goal"),
+        ({}, "gsi has no default goal"),
         ({"goal": "best"}, "goal = 'best'"),
         ({"goal": "target"}, "target = None"),
         ({"goal": "like"}, "target = None"),
@@ -697,14 +697,14 @@ def test_data_lies_beside_the_file(tmp_path, data):
 def test_data_that_is_not_there_or_too_much_is_told_at_once(tmp_path, monkeypatch):
     path = tmp_path / "level.py"
     path.write_text(READS.format(data="('level.csv', 'more.csv')"))
-    with pytest.raises(FitnessError, match=r"data 'level\.csv' cannot be read: No such file"):
+    with pytest.raises(FitnessError, match=r"data file 'level\.csv' cannot be read: No such file"):
         load_file(path)
     for name in ("level.csv", "more.csv"):
         (tmp_path / name).write_text("12345")
-    monkeypatch.setattr("evocity.fitness.data.MOST_DATA", 10)
+    monkeypatch.setattr("evocity.fitness.local_imports.MOST_DATA", 10)
     load_file(path)
-    monkeypatch.setattr("evocity.fitness.data.MOST_DATA", 9)
-    with pytest.raises(FitnessError, match=r"the data files have 0 MB, with 'more\.csv'"):
+    monkeypatch.setattr("evocity.fitness.local_imports.MOST_DATA", 9)
+    with pytest.raises(FitnessError, match=r"the data files up to 'more\.csv' have 0 MB"):
         load_file(path)
 
 

@@ -16,7 +16,14 @@ from evocity.citymap import CityMap
 from evocity.coding import decode, encode
 from evocity.errors import FitnessError
 from evocity.fitness import fitness
-from evocity.fitness.heredity import heritability, integrity, integrity_of, whole_buildings
+from evocity.fitness.heredity import (
+    heritability,
+    integrity,
+    integrity_of,
+    smallest_share,
+    source_shares,
+    whole_buildings,
+)
 from evocity.genome import VOID, Pieces, laid, merged, packed, split
 from evocity.operators import make
 from evocity.operators.crossover import assemble as laid_by_cells
@@ -269,7 +276,7 @@ def test_the_void_takes_buildings_away():
     [
         ([ONE_HOUSE], "64 lifs come from a, but the sources are maps of b"),
         ([], "64 lifs come from a, but the sources are maps of no city"),
-        ([hamlet("a", side=16)], "lifs come from outside the map of a, 16 × 16 px"),
+        ([hamlet("a", side=16)], "lifs come from places outside the map of a, which has 16 ×"),
         ([TWO_HOUSES, hamlet("a")], "two source cities have the name a"),
         ([coded(TWO_HOUSES)], "sources ="),
         ("a", "sources ="),
@@ -336,3 +343,47 @@ def test_repair_makes_children_true_to_what_was_meant():
     assert repaired.distance < crumbled.distance
     own = heritability(parents[0], decode(parents[0]).city.heights)
     assert (own.distance, own.crumbs) == (0, 0)
+
+
+# -- shares of the source cities -----------------------------------------------------------
+
+
+@given(seeds)
+@settings(max_examples=15, deadline=None)
+def test_shares_pixel_by_pixel(seed):
+    sources = [town(1), town(2), town(3)]
+    child = shuffled([own(city, seed=seed + k) for k, city in enumerate(sources)], seed)
+    city = town(seed % 40)
+    shown = naive.shown_pixels(child)
+    names = [shown[y, x][1][0] for y, x in np.argwhere(city.built).tolist()]
+    shares = source_shares(city, child)
+    expected = {name: names.count(name) / len(names) for name in child.cities}
+    assert shares == pytest.approx(expected)
+    assert sum(shares.values()) == pytest.approx(1)
+    assert smallest_share(city, genome=child) == min(shares.values())
+    for same in (split(child, 2), merged(split(child, 2), 16)):
+        assert source_shares(city, same) == shares
+
+
+def test_a_city_of_the_run_that_is_missing_has_nothing():
+    one, other = town(1), town(2)
+    code = own(one)
+    assert smallest_share(one, genome=code) == 1
+    assert smallest_share(one, genome=code, sources=[one]) == 1
+    assert smallest_share(one, genome=code, sources=[other, one]) == 0
+    assert source_shares(one, code, [other, one]) == {one.name: 1, other.name: 0}
+    halves = assembled([coded(TWO_HOUSES), coded(ONE_HOUSE)], np.indices((8, 8))[1] // 4)
+    city = hamlet("child", (4, 4, 8, 8, 9), (4, 20, 4, 4, 9))
+    assert source_shares(city, halves) == {"a": 64 / 80, "b": 16 / 80}
+    assert smallest_share(city, genome=halves) == 0.2
+
+
+def test_added_ground_belongs_to_no_city():
+    one = town(1)
+    code = own(one)
+    west = (np.arange(len(code)) % 2).astype(np.uint8)
+    child = code.replace(parent=west, cities=(VOID, one.name))
+    assert source_shares(one, child) == {one.name: 1}
+    ground = code.replace(cities=(VOID,))
+    assert "source city" in smallest_share(one, genome=ground).reason
+    assert "source city" in smallest_share(one.replace(0 * one.heights), genome=code).reason

@@ -9,7 +9,7 @@ from towns import draw_town
 import evocity
 from evocity.citymap import CityMap
 from evocity.fitness import object_classes, object_counts
-from evocity.fitness.classes import CLASSES
+from evocity.fitness.types import CLASSES
 
 
 def park():

@@ -30,6 +30,8 @@ TURNED = {
     "alignment_global": 0.01,
     "alignment_momepy": 0.15,
     "alignment_neighbours": 0.15,
+    "frontage": 0.05,
+    "street_distance": 0.1,  # thinning goes pixel by pixel
 }
 
 
@@ -194,11 +196,11 @@ def test_measures_that_cannot_tell_a_part_are_refused():
     for measure in ALONE:
         if not measure.any_site:
             with pytest.raises(
-                FitnessError, match="cannot be limited to disc, which is not a rectangle"
+                FitnessError, match="limited to disc, because this part is not a rectangle"
             ):
                 part.measured(measure, CITY)
     with pytest.raises(
-        FitnessError, match="integrity cannot be limited to a part: it needs the genome"
+        FitnessError, match=r"integrity cannot be .* arguments describe the whole map: genome"
     ):
         Part("middle", rectangle()).measured(fitness.integrity, CITY)
     assert {m.name for m in ALONE if not m.any_site} == {

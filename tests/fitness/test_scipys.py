@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import optimize, spatial
 
-from evocity.fitness import directions, sizes
-from evocity.fitness.root_finding import root_between
+from evocity.fitness import neighbours, sizes
+from evocity.fitness.sizes import root_between
 
 
 @pytest.mark.parametrize(
@@ -38,6 +38,6 @@ def test_nearest_buildings_are_those_of_a_tree(count, grain):
     points = np.random.default_rng(count).random((count, 2)) * 100
     points = np.round(points / grain) * grain if grain else points
     many = min(count, 13)
-    found = directions._nearest(*points.T, many)
+    found = neighbours.nearest_points(*points.T, many)
     for one, other in zip(found, spatial.KDTree(points).query(points, k=many), strict=True):
         np.testing.assert_array_equal(one, other)

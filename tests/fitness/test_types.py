@@ -355,7 +355,7 @@ HOUSE = '[[type]]\nname = "house"\n'
         ("houses = 1", "houses in a table of types", "take it out"),
         (
             "[run]\n[[parents]]\n[[fitness]]\nname = 'gsi'",
-            "a recipe, with run, parents, fitness",
+            "a recipe, because it has the sections run, parents, fitness",
             "evocity run",
         ),
         ("[[type]]\narea = { from = 3 }", "name = None", "for example"),
@@ -381,7 +381,11 @@ HOUSE = '[[type]]\nname = "house"\n'
             "height of house",
         ),
         (HOUSE + "elongation = { below = 1 }", "elongation 1", "elongation of house"),
-        (HOUSE + "[[type]]\nname = 'all'", "both house and all take", "both take all buildings"),
+        (
+            HOUSE + "[[type]]\nname = 'all'",
+            "both house and all take",
+            "their overlap is all buildings",
+        ),
         (HOUSE + "[shares]\nhouse = 1.5", "[shares] that sum to 1.5", "divide each by that sum"),
         (HOUSE + "[shares]\nhouse = 0", "[shares] that sum to 0", "house = 1 under [shares]"),
         (HOUSE + "[shares]\nhouse = 'a'", "[shares] has house = 'a'", "house = 1 under [shares]"),
@@ -472,7 +476,7 @@ def test_names_that_are_taken_or_none(tmp_path):
     with pytest.raises(FitnessError, match="second measure has the name building_types"):
         load_file(path)
     path = path.rename(tmp_path / "my-types.toml")
-    with pytest.raises(FitnessError, match="the name of the table file, my-types"):
+    with pytest.raises(FitnessError, match=r"the file name my-types\.toml"):
         load_file(path)
 
 

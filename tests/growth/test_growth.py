@@ -537,8 +537,8 @@ def test_sizes_in_metres_and_in_range_blocks_mean_the_same(code):
         ({"rng": 1}, "a NumPy Generator"),
         ({"genome": "lyon"}, "a Genome"),
         ({"genome": []}, "a Genome"),
-        ({"corner": (0.5, 0)}, "(row, column) in cells of 4 px"),
-        ({"corner": 3}, "(row, column) in cells"),
+        ({"corner": (0.5, 0)}, "(row, column), counted in cells of 4 px"),
+        ({"corner": 3}, "(row, column), counted in cells"),
         ({"cell": 5}, "one of 2, 3, 4, 6, 8 px"),
         ({"cell": 16}, "one of 2, 3, 4, 6, 8 px"),
         ({"cell": 4.0}, "one of 2, 3, 4, 6, 8 px"),
@@ -550,7 +550,7 @@ def test_sizes_in_metres_and_in_range_blocks_mean_the_same(code):
         ({"side_max": 130}, "growth: side_max = 130"),
         ({"side_max": float("nan")}, "24 to 112 m"),
         ({"side_min": "32"}, "24 to 112 m"),
-        ({"side_min": 32, "size_min": 4}, "side_min = 32 and size_min = 4"),
+        ({"side_min": 32, "size_min": 4}, "side_min = 32 is given together with size_min = 4"),
         ({"side_max": 64, "size_max": 8}, "leave size_max out"),
         ({"tolerance": -1}, "0 m or more"),
         ({"tolerance": float("nan")}, "0 m or more"),
@@ -573,7 +573,7 @@ def test_what_cannot_be_is_refused(code, changes, says):
         ((0, 1 << 51, 5, 5), "at most 2⁵⁰ from 0"),
         ((0, 0, -1, 5), "height 0 to"),
         ((0, 0, 5, 1 << 40), "width 0 to"),
-        ((0, 0, 30_000, 30_000), "several rectangles"),
+        ((0, 0, 30_000, 30_000), "several smaller rectangles"),
     ],
 )
 def test_windows_that_cannot_be_are_refused(fabric, box, says):

@@ -113,9 +113,9 @@ def test_range_blocks_may_be_parts_of_cells():
 @pytest.mark.parametrize(
     ("options", "box", "says"),
     [
-        ({}, (1, 0, 40, 40), "row 0 + n · 4, column 0 + n · 4"),
-        ({}, (0, 0, 40, 42), "sides that are multiples of 4 px"),
-        ({"cell": 3}, (0, 0, 60, 60), "range blocks of 4 px in one map, in cells of 3 px"),
+        ({}, (1, 0, 40, 40), "row 0 + n · 4 and the column 0 + n · 4"),
+        ({}, (0, 0, 40, 42), "multiples of 4 px"),
+        ({"cell": 3}, (0, 0, 60, 60), "growth in cells of 3 px: "),
         ({}, (40, 40, 4, 40), "sides of at least 8 px"),
     ],
 )

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from numpy.lib.stride_tricks import sliding_window_view
 
 from evocity.growth import WINDOW, _kernels
-from evocity.growth.plane import LAYS
+from evocity.isometries import AFFINE
 
 RNG = np.random.default_rng
 
@@ -28,7 +28,7 @@ def test_windows_of_stones_against_the_twin():
     assert (stones >= 8 * 15).any()
     for top, left, tall, wide in [(0, 0, 24, 20), (3, 5, 14, 11), (7, 6, 1, 1), (4, 4, 4, 16)]:
         out = np.empty((tall, wide), np.float32)
-        _kernels.fabric_window(stones, brought, sides, LAYS, 4, top, left, out)
+        _kernels.fabric_window(stones, brought, sides, AFFINE, 4, top, left, out)
         assert np.array_equal(out, shown[top : top + tall, left : left + wide])
 
 
@@ -42,11 +42,11 @@ def test_candidates_against_the_twin(iso, one):
     index = np.arange(first, first + rows * columns).reshape(rows, columns)
     seen = set()
     for draw in rng.integers(0, 1 << 62, 50):
-        chosen = _kernels.candidate(draw, one, np.array([iso]), 2, 3, SIDES, LAYS)
+        chosen = _kernels.candidate(draw, one, np.array([iso]), 2, 3, SIDES, AFFINE)
         seen.add(chosen[2:])
         assert chosen[:2] == (one, iso)
         for cell, values, flat in ((4, heights[one], brought), (1, index, np.arange(63))):
-            start, down, along = _kernels.strides(chosen, 2, 3, cell, SIDES, LAYS)
+            start, down, along = _kernels.strides(chosen, 2, 3, cell, SIDES, AFFINE)
             at = [[start + y * down + x * along for x in range(3 * cell)] for y in range(2 * cell)]
             scaled = (cell * part for part in (*chosen[2:], 2, 3))
             assert np.array_equal(flat[at], naive.rectangle(values, iso, *scaled))
@@ -67,17 +67,17 @@ def test_what_a_group_uses_and_changes_against_the_twin(iso):
     stones = rng.integers(-100, 8 * 63, (9, 9)).astype(np.int32)
     stones[stones < 0] = -1
     for draw in rng.integers(0, 1 << 62, 20):
-        chosen = _kernels.candidate(draw, 0, np.array([iso]), 4, 3, SIDES, LAYS)
+        chosen = _kernels.candidate(draw, 0, np.array([iso]), 4, 3, SIDES, AFFINE)
         brought = naive.rectangle(np.arange(48).reshape(6, 8), iso, *chosen[2:], 4, 3)
         laid = rng.random((4, 3)) < 0.6
         laid[0, 0] = True
         place = np.array([2, 5, 4, 3])
         covered = stones[2:6, 5:8][laid]
-        told = _kernels.laid_use(stones, place, uses, surplus, laid, chosen, SIDES, LAYS)
+        told = _kernels.laid_use(stones, place, uses, surplus, laid, chosen, SIDES, AFFINE)
         change = surplus[brought[laid]].sum() - surplus[covered[covered >= 0] // 8].sum()
         assert told == pytest.approx((uses[brought[laid]].mean(), change))
         after, counted = stones.copy(), uses.copy()
-        _kernels.lay_stones(after, counted, 2, 5, laid, chosen, SIDES, LAYS)
+        _kernels.lay_stones(after, counted, 2, 5, laid, chosen, SIDES, AFFINE)
         expected = stones.copy()
         expected[2:6, 5:8][laid] = 8 * brought[laid] + iso
         assert np.array_equal(after, expected)

@@ -146,7 +146,7 @@ def test_a_share_that_is_none_is_refused(codes, share, says):
 
 
 def test_genomes_that_do_not_go_together_are_refused(codes):
-    with pytest.raises(OperatorError, match="genomes have different pixels, 1 and 2 m"):
+    with pytest.raises(OperatorError, match="genomes have pixels of different sides, 1 and 2 m"):
         grow([codes[0], codes[1].replace(metres_per_pixel=1.0)], rng=RNG(0))
     with pytest.raises(OperatorError, match="a single genome"):
         grow(codes[:1], rng=RNG(0), share=0.5)

@@ -4,15 +4,19 @@ import contextlib
 import json
 import os
 import shutil
+import sqlite3
 
 import numpy as np
 import osmium
+import pyogrio
 import pytest
 import rasterio
+import shapely
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from evocity.citymap import MOST_ATTRIBUTION, CityMap
 from evocity.errors import MapError
 from evocity.io import (
     READERS,
@@ -23,6 +27,7 @@ from evocity.io import (
     cities,
     map_reader,
     read_map,
+    write_map,
 )
 
 BREAKABLE = [".geojson", ".gpkg", ".osm", ".osm.pbf", ".osm.gz", ".tif", ".png", ".npy"]
@@ -495,3 +500,41 @@ def test_a_reader_from_another_package(tmp_path, plugins):
     (tmp_path / "a.dwg").write_text("7")
     with pytest.raises(MapError, match=r"no reader for \.dwg; .*its library is missing"):
         read_map(tmp_path / "a.dwg")
+
+
+STRANGE_SCHEMAS = {
+    "table": "UPDATE sqlite_master SET name = CAST(x'ff' AS TEXT), sql = 'CREATE TABLE a ('"
+    " WHERE name = 'map'",
+    "columns": "UPDATE sqlite_master SET sql = CAST(CAST(sql AS BLOB) || x'ff' AS TEXT)"
+    " WHERE name = 'map'",
+    "function": "INSERT INTO sqlite_master VALUES ('view', 'v', 'v', 0, CAST(CAST("
+    "'CREATE VIEW v AS SELECT f' AS BLOB) || x'ff' || CAST('(1) FROM map' AS BLOB) AS TEXT))",
+    "other": "INSERT INTO sqlite_master VALUES ('view', 'v', 'v', 0, CAST(CAST("
+    "'CREATE VIEW v AS SELECT * FROM m' AS BLOB) || x'ff' AS TEXT))",
+}
+
+
+@pytest.mark.parametrize("change", STRANGE_SCHEMAS.values(), ids=STRANGE_SCHEMAS)
+def test_a_geopackage_whose_schema_is_not_utf_8_is_refused(tmp_path, change):
+    path = tmp_path / "map.gpkg"
+    shape = [shapely.to_wkb(shapely.box(770000, 6270000, 770050, 6270050))]
+    pyogrio.raw.write(
+        path, shape, [np.array([9.0])], ["height"], geometry_type="Polygon", crs="EPSG:2154"
+    )
+    with contextlib.closing(sqlite3.connect(path)) as file:
+        file.execute("PRAGMA writable_schema = ON")
+        file.execute(change)
+        file.commit()
+    with pytest.raises(MapError, match=r"map\.gpkg"):
+        read_map(path, pixels=32, metres_per_pixel=2.0)
+
+
+def test_an_endless_attribution_is_refused(tmp_path):
+    city = CityMap(np.ones((4, 4), np.float32), 2.0, name="a")
+    with pytest.raises(MapError, match=f"at most {MOST_ATTRIBUTION} letters"):
+        CityMap(city.heights, 2.0, attribution="a" * 5_000_000)
+    write_map(city, tmp_path / "a.tif")
+    with rasterio.open(tmp_path / "a.tif", "r+") as file:
+        file.update_tags(ATTRIBUTION="a" * 5_000_000)
+    with pytest.raises(MapError, match="an attribution of 5000000 letters"):
+        read_map(tmp_path / "a.tif")

@@ -162,13 +162,17 @@ def test_heights_of_a_raster(tmp_path, city, suffix):
     [
         ("missing.geojson", None, "no file"),
         ("a.npy", np.ones((60, 40), bool), r"60 × 40 px, but here has 40 × 60 px"),
-        ("a.npy", np.zeros((40, 60), bool), "no pixel of here is above 0"),
-        ("a.npy", np.full((40, 60), -1.0), "no pixel of here is above 0"),
-        ("a.npy", np.full((40, 60), np.nan), "no pixel of here is above 0"),
+        ("a.npy", np.zeros((40, 60), bool), "no value above 0 on the map here"),
+        ("a.npy", np.full((40, 60), -1.0), "no value above 0 on the map here"),
+        ("a.npy", np.full((40, 60), np.nan), "no value above 0 on the map here"),
         ("a.png", np.zeros((40, 60, 3), np.uint8), "picture in colour"),
         ("a.geojson", [], "has no polygon"),
-        ("a.geojson", [[[4.8, 45.7], [4.9, 45.7], [4.9, 45.8], [4.8, 45.7]]], "lies in its 1 foot"),
-        ("a.geojson", [ring(10.6, 10.6, 11.4, 11.4)], "lies in its 1 footprints"),
+        (
+            "a.geojson",
+            [[[4.8, 45.7], [4.9, 45.7], [4.9, 45.8], [4.8, 45.7]]],
+            "none of 1 footprints covers",
+        ),
+        ("a.geojson", [ring(10.6, 10.6, 11.4, 11.4)], "none of 1 footprints covers"),
         ("a.geojson", [[[1e6, 1e6], [2e6, 1e6], [2e6, 2e6], [1e6, 1e6]]], "out of range"),
         ("a.doc", b"a letter", "no reader for .doc"),
     ],
@@ -199,7 +203,7 @@ def test_footprints_need_a_map_with_a_place(tmp_path):
 @pytest.mark.parametrize("height", [-1, 1001, float("nan"), float("inf")])
 def test_heights_beyond_all_buildings_are_refused(tmp_path, city, height):
     path = write_geojson(tmp_path / "a.geojson", ring(0, 0, 9, 9))
-    with pytest.raises(MapError, match="0 \\(ground\\) to 1000 m"):
+    with pytest.raises(MapError, match="0 m \\(ground\\) to 1000 m"):
         read_condensation(path, city, height)
 
 

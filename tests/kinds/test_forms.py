@@ -11,7 +11,7 @@ from evocity.condensation import Condensation
 from evocity.errors import GenomeError, MapError
 from evocity.fitness.curves import line_distance
 from evocity.kinds import CurveForm, ShapeForm, Site, read_form
-from evocity.kinds.courses import courses_of
+from evocity.kinds.site import courses_of
 from evocity.kinds.window_lines import cut_to_window, line_in, place_line
 from evocity.recipe.sections import CourseSection
 from evocity.shapes import Curve, ShapeError, known
@@ -64,7 +64,7 @@ def test_a_shape_that_does_not_contract_is_named_or_told():
 
 
 def test_shapes_of_space_have_no_window():
-    with pytest.raises(GenomeError, match="of space"):
+    with pytest.raises(GenomeError, match="three-dimensional"):
         ShapeForm.of(known("menger"), 32, 1.0)
 
 
@@ -142,10 +142,10 @@ def test_forms_are_written_and_read(fabric, tmp_path):
 def test_what_is_no_form_is_refused(fabric, tmp_path):
     path = tmp_path / "genome.parquet"
     fabric.write(path)
-    with pytest.raises(GenomeError, match="cannot be read as a form"):
+    with pytest.raises(GenomeError, match="cannot be read as a shape"):
         read_form(path)
     path.write_bytes(b"PAR1 and no more")
-    with pytest.raises(GenomeError, match="cannot be read as a form"):
+    with pytest.raises(GenomeError, match="cannot be read as a shape"):
         read_form(path)
 
 

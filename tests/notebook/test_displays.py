@@ -110,7 +110,7 @@ def test_a_fault_is_told_in_place_of_a_picture(genome, monkeypatch):
     def failing(thing):
         raise GenomeError(f"no map of {HOSTILE}", "a map", "try <b>again</b>")
 
-    monkeypatch.setattr("evocity.notebook.genomes.decode", failing)
+    monkeypatch.setattr("evocity.notebook.maps.decode", failing)
     seen = Seen(genome._repr_html_())
     assert [tag for tag, _ in seen.elements] == ["pre"]
     assert HOSTILE in seen.text

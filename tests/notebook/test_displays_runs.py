@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from test_displays import HOSTILE, MOST, Seen
+from toy_runs import unsealed
 from written_runs import written
 
 import evocity
@@ -85,7 +86,7 @@ def copied(tmp_path, change):
     folder = tmp_path / "run"
     shutil.copytree(OLD / "run-3", folder)
     path = folder / "provenance.json"
-    told = json.loads(path.read_text(encoding="utf-8"))
+    told = unsealed(path)
     change(told)
     path.write_text(json.dumps(told), encoding="utf-8")
     return evocity.open_run(folder)

@@ -27,6 +27,7 @@ from evocity.operators import (
     LambdaField,
     Mutation,
     PavementFusion,
+    PlanFusion,
     QuarterFusion,
     QuarterRefill,
     RegionFusion,
@@ -65,6 +66,8 @@ VARIANTS = [
     QuarterFusion(street_blocks=2, void=True, widened=4.0, facades=1.0, density=0),
     QuarterRefill(),
     QuarterRefill(repair=None, street_blocks=9, density=0.1, area_min=0, spread=0.1),
+    PlanFusion(),
+    PlanFusion(repair=None, faces=None, repeats=1.0, area_min=0, loss=1.0, slack=1.0),
     DirectFusion(),
     DirectFusion(fill=0.2, repair=None),
     AsymmetricFusion(),
@@ -94,6 +97,7 @@ VARIANTS = [
 
 #: Operators that lay a stone elsewhere than where it stood, with any parameters.
 MOVING = (
+    PlanFusion,
     QuarterFusion,
     QuarterRefill,
     LambdaField,
@@ -369,7 +373,7 @@ def test_wrong_parents_are_refused(genomes, name):
         operator([], np.random.default_rng(0))
     with pytest.raises(OperatorError, match="parents have the type str"):
         operator(["lyon-1er"] * operator.parents[0], np.random.default_rng(0))
-    with pytest.raises(OperatorError, match="parents is a Genome"):
+    with pytest.raises(OperatorError, match="is not a list but a Genome"):
         operator(genomes[0], np.random.default_rng(0))
     with pytest.raises(OperatorError, match=r"(?s)rng = 7.*default_rng\(seed\)"):
         operator(parents_for(operator, genomes), 7)

@@ -9,8 +9,8 @@ from towns import draw_town
 from evocity.citymap import CityMap
 from evocity.coding import decode
 from evocity.operators.content_fusion import AsymmetricFusion, SymmetricFusion
-from evocity.operators.direct_fusion import DirectFusion
-from evocity.operators.interpolation import Interpolation
+from evocity.operators.lambda_crossover import Interpolation
+from evocity.operators.pavement_fusion import DirectFusion
 from evocity.towns.patterns import chessboard_town, concentric_town
 
 SIDE = 64

@@ -13,7 +13,7 @@ from evocity.errors import OperatorError
 from evocity.fitness import crumbs
 from evocity.genome import NUCLEOTIDES, Genome
 from evocity.operators import PavementFusion
-from evocity.operators.direct_fusion import DirectFusion
+from evocity.operators.pavement_fusion import DirectFusion
 
 
 def generator(seed: int = 0) -> np.random.Generator:

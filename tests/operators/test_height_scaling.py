@@ -20,9 +20,8 @@ from evocity.fitness import fsi
 from evocity.fitness.heredity import integrity_of, whole_buildings
 from evocity.genome import Genome
 from evocity.operators import HeightField, HeightScaling
-from evocity.operators.building_heights import refit_lifs
+from evocity.operators.building_heights import Storeys, refit_lifs
 from evocity.operators.grid import common_grid
-from evocity.operators.storeys import Storeys
 from evocity.operators.street_blocks import street_blocks
 
 VARIANTS = [

@@ -13,7 +13,7 @@ from evocity.coding import decode
 from evocity.condensation import Condensation
 from evocity.errors import OperatorError
 from evocity.genome import NUCLEOTIDES, Genome, refined
-from evocity.operators.interpolation import Interpolation
+from evocity.operators.lambda_crossover import Interpolation
 
 FORMS = [
     {"stepwise": stepwise, "repair": repair} for stepwise in (False, True) for repair in (None, 0.5)

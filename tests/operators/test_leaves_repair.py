@@ -15,8 +15,7 @@ from evocity.coding import decode, encode
 from evocity.condensation import Condensation
 from evocity.genome import NUCLEOTIDES, Genome, refined
 from evocity.operators import collage_repair
-from evocity.operators.direct_fusion import DirectFusion
-from evocity.operators.pavement_fusion import PavementFusion
+from evocity.operators.pavement_fusion import DirectFusion, PavementFusion
 from evocity.pavement import Pavement, common_refinement
 
 

@@ -11,6 +11,7 @@ import pytest
 from evocity import operators
 from evocity.errors import OperatorError
 from evocity.operators import OPERATORS, Mutation, PavementFusion, make
+from evocity.operators import registry as operator_registry
 
 EVERY = {name: [field.name for field in fields(kind)] for name, kind in OPERATORS.items()}
 FLOATS = {"fill", "margin", "tolerance", "repair", "share", "blend", "sigma_step", "beta_step"}
@@ -171,11 +172,11 @@ def plugins(monkeypatch):
     def install(*entries):
         found = lambda group: asked.append(group) or entries  # noqa: E731
         monkeypatch.setattr("evocity.plugins.entry_points", found)
-        operators._plugins.cache_clear()
+        operator_registry._plugins.cache_clear()
         return asked
 
     yield install
-    operators._plugins.cache_clear()
+    operator_registry._plugins.cache_clear()
 
 
 def test_plugins_are_found_once_and_broken_ones_only_told(plugins):

@@ -76,7 +76,7 @@ def test_leaves_have_no_one_side():
         ([4, 4, 4], "leave gaps"),
         ([4, 4, 4, 4, 4], "overlap"),
         ([4, 8], "overlap"),
-        ([16], "beyond"),
+        ([16], "leave the map"),
         ([], "sides"),
         ([1] * 64, "sides"),
         ([4.0] * 4, "sides"),
@@ -111,12 +111,12 @@ def test_sides_that_halve():
     assert halved_sides(3, 12) == (12, 6, 3)
     assert halved_sides(4, 4) == (4,)
     for finest, root in ((3, 16), (1, 16), (16, 2), (2, 0), (4, 18)):
-        with pytest.raises(GenomeError, match="halving"):
+        with pytest.raises(GenomeError, match="times the finest side"):
             halved_sides(finest, root)
     assert fitting_sides(256, 256) == (2, 16)
     assert fitting_sides(200, 256) == (2, 8)
     assert fitting_sides(250, 256) == (2, 2)
-    with pytest.raises(GenomeError, match="even sides"):
+    with pytest.raises(GenomeError, match="an even height"):
         fitting_sides(255, 256)
 
 

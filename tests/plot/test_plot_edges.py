@@ -198,7 +198,7 @@ def test_without_matplotlib_an_error_names_the_extra(monkeypatch):
     def lacking(name):
         raise ImportError(name)
 
-    monkeypatch.setattr("evocity.analysis.optional_libraries.import_module", lacking)
+    monkeypatch.setattr("evocity.lazy_imports.import_module", lacking)
     monkeypatch.delitem(vars(evocity.plot), "front", raising=False)
     with pytest.raises(EvocityError, match=r"plot.front needs matplotlib") as told:
         evocity.plot.front  # noqa: B018

@@ -16,6 +16,7 @@ import pandas
 import pytest
 from codes import uniformly
 from PIL import Image
+from toy_runs import append_events, unsealed
 
 import evocity
 from evocity import fitness
@@ -35,8 +36,7 @@ from evocity.report import contact_sheet, failures, tables, write_report
 from evocity.report.failed_births import shortened
 from evocity.report.front import pairs_to_show
 from evocity.report.gallery import Galleries, city_key
-from evocity.report.glossary import WORDS, measure_texts
-from evocity.report.html import page_of
+from evocity.report.html import WORDS, measure_texts, page_of
 from evocity.report.pictures import Pictures, data_uri
 from evocity.report.plots import Axis, curve
 from evocity.report.shortlist import best_of_last, search_for, shortlist_cards
@@ -211,9 +211,8 @@ def test_large_maps_become_small_pictures(town):
 
 def test_starts_and_ends_are_told(tmp_path):
     folder = make_run(tmp_path / "run")
-    with (folder / "events.jsonl").open("a", encoding="utf-8") as file:
-        for event, day in (("start", "01"), ("retry", "02"), ("stop", "03")):
-            file.write(f'{{"event": "{event}", "time": "2031-05-{day}T07:08:09.123+00:00"}}\n')
+    for event, day in (("start", "01"), ("retry", "02"), ("stop", "03")):
+        append_events(folder, {"time": f"2031-05-{day}T07:08:09.123+00:00", "event": event})
     told = " ".join(Page(write_report(folder).read_text(encoding="utf-8")).words)
     assert "start 2031-05-01 07:08:09" in told
     assert "stop 2031-05-03 07:08:09" in told
@@ -289,7 +288,7 @@ def test_captions_tell_goals_from_constraints(usual, tmp_path):
     bounded = tmp_path / "bounded"
     shutil.copytree(folder, bounded)
     name = shown.births.aims[-1].name
-    provenance = json.loads((bounded / "provenance.json").read_text())
+    provenance = unsealed(bounded / "provenance.json")
     provenance["fitness"] = [{"name": name, "min": -1e9, "max": 1e9}]
     (bounded / "provenance.json").write_text(json.dumps(provenance))
     told = best_of_last(ShownBirths(evocity.open_run(bounded)), 30.0)[0].caption
@@ -465,15 +464,14 @@ def test_the_archive_shows_those_that_no_longer_live(tmp_path, usual):
             assert f"{value:.4g}" == words[words.index(name) + 1]
     told = page.text
     assert (
-        f"{len(rows)} births. No other birth dominates a birth of the archive. "
-        f"{len(rows) - len(gone)} of these "
-        "births are alive in the last generation; the gallery above shows these births. The "
-        "hypervolume of the archive is "
-        f"{found.hypervolume:.4g}, and that of the last generation is "
-        f"{found.hypervolume_alive:.4g}."
+        f"{len(rows)} births. No birth of the run dominates a birth in the archive. "
+        f"{len(rows) - len(gone)} births in the archive are alive in the last generation, "
+        "and the gallery above shows these living births. The hypervolume is "
+        f"{found.hypervolume:.4g} for the archive and "
+        f"{found.hypervolume_alive:.4g} for the last generation."
     ) in told
     assert page.words[page.words.index("in the archive") + 1] == str(len(rows))
-    assert "does not record its goals" in " ".join(Page(usual[1]).words)
+    assert "does not record the goals" in " ".join(Page(usual[1]).words)
 
 
 def test_a_report_of_a_run_that_goes_on_tells_of_one_generation(tmp_path, monkeypatch):
@@ -493,9 +491,7 @@ def test_a_report_of_a_run_that_goes_on_tells_of_one_generation(tmp_path, monkey
 def test_an_archive_that_lives_is_one_sentence(tmp_path):
     page = Page(write_report(told_run(tmp_path / "run", generations=1)).read_text("utf-8"))
     assert len(page.members()) == 6
-    assert (
-        "a birth of the archive. All of these births are alive in the last generation." in page.text
-    )
+    assert "All births in the archive are alive in the last generation." in page.text
 
 
 def test_of_a_large_archive_the_widest_apart_are_shown(tmp_path, monkeypatch):
@@ -506,7 +502,7 @@ def test_of_a_large_archive_the_widest_apart_are_shown(tmp_path, monkeypatch):
     monkeypatch.setattr("evocity.report.shown_births.MOST_SHOWN", 1)
     assert [one.birth.id for one in shown.shown_gone] == shown.gone[:1]
     told = write_report(shown.run.path).read_text("utf-8")
-    assert f"The page shows 1 of these {len(shown.gone)} births: those" in told
+    assert f"Among the {len(shown.gone)} births that are no longer alive, the page shows" in told
 
 
 @pytest.mark.parametrize(
@@ -590,7 +586,7 @@ def test_a_large_population_stays_a_page(tmp_path):
     folder = make_run(tmp_path / "run", population=150, generations=1)
     text = write_report(folder).read_text("utf-8")
     assert len(Page(text).members()) == MOST_SHOWN
-    assert f"the first {MOST_SHOWN} of 150 individuals by rank" in text
+    assert f"the {MOST_SHOWN} best of 150 individuals" in text
 
 
 def test_targets_of_the_recipe_are_told(tmp_path):

@@ -255,10 +255,10 @@ FAULTS = {
     "another layer": ({"layer": "things"}, "no layer objects"),
     "a path outside": (
         {"path": ["", "../secret.glb"]},
-        "object b: its path '../secret.glb'",
+        "object b has the mesh file '../secret.glb'",
     ),
-    "a path from the root": ({"path": ["/etc/hostname", ""]}, "object a: its path"),
-    "a path inside": ({"path": ["none.glb", ""]}, "object a: its path 'none.glb'"),
+    "a path from the root": ({"path": ["/etc/hostname", ""]}, "object a has the mesh file"),
+    "a path inside": ({"path": ["none.glb", ""]}, "object a has the mesh file 'none.glb'"),
 }
 
 

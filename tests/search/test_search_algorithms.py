@@ -13,7 +13,7 @@ from evocity.citymap import CityMap
 from evocity.selection import algorithms as room
 from evocity.selection.algorithms import algorithms
 from evocity.selection.algorithms.algorithm import DistinctKeys, tournament
-from evocity.selection.algorithms.hypervolume import MOST, HypervolumeContribution
+from evocity.selection.algorithms.ordered import MOST, HypervolumeContribution
 from evocity.selection.backends.moocore import hypervolume
 from evocity.selection.fronts import Scale, ranks_of
 from evocity.selection.individual import Individual

@@ -112,6 +112,18 @@ def test_a_scheduler_that_ends_before_a_worker_came_is_told(monkeypatch):
     assert machines.closed == 1
 
 
+@pytest.mark.parametrize(
+    ("address", "count"), [("tcp://10.0.0.1:8786", 1), ("tls://10.0.0.1:8786", 0), ("local:2", 0)]
+)
+def test_who_reaches_a_cluster_without_tls_is_a_note(monkeypatch, address, count):
+    monkeypatch.setattr(clusters, "Link", lambda address: Machines(1, 1.0))
+    monkeypatch.setattr(clusters, "make_versions", lambda: versions)
+    parcel = SimpleNamespace(digest="", setup=b"", files={}, sides=4, parts=())
+    notes = Cluster(parcel, address, 1, 9.0, None, print, print).notes
+    assert len(notes) == count
+    assert all(f"{address} uses no TLS: anyone who reaches this" in one for one in notes)
+
+
 def versions():
     return {"evocity": "0"}
 

@@ -127,7 +127,7 @@ def test_a_stop_ends_after_the_generation_and_resuming_goes_on(toy, tmp_path):
     assert search.asked_to_stop
     assert not search.finished
     assert events(out, "stop")[-1]["reason"] == "asked to"
-    with pytest.raises(RunError, match="no process works on this run"):
+    with pytest.raises(RunError, match="this run is not in progress"):
         commands.send(out, Stop())
     with open(out / "commands.jsonl", "a") as file:  # a stop of before is over
         file.write('{"command": "stop"}\n')
@@ -179,9 +179,9 @@ def test_what_is_no_command_is_refused_and_told(toy, tmp_path):
     [
         (Pick(ids=(1, 99)), "no individual 99"),
         (Pick(ids=(8,)), "individual 8 failed"),
-        (Reweight(weights={"spread": 2}), "weighs no 'spread'"),
+        (Reweight(weights={"spread": 2}), "has no weight 'spread'"),
         (Reweight(weights={"mutaton": 2}), "did you mean mutation"),
-        (Stop(), "no process works on this run"),
+        (Stop(), "this run is not in progress"),
     ],
 )
 def test_commands_that_cannot_be_carried_out_are_refused_at_once(toy, tmp_path, command, says):
@@ -223,7 +223,7 @@ def test_an_algorithm_that_breeds_by_itself_weighs_no_operators(toy, tmp_path):
         recipe='[search]\nalgorithm = "cma"\nside = 2\n',
     )
     run(recipe, tmp_path / "run", workers=0, generations=1)
-    with pytest.raises(RunError, match="weighs no 'mutation'"):
+    with pytest.raises(RunError, match="has no weight 'mutation'"):
         commands.send(tmp_path / "run", Reweight(weights={"mutation": 2}))
 
 

@@ -189,18 +189,18 @@ goal = "min"
         ('[[fitness]]\nname = "gsi"\nmax = 0.2\n', "only constraints"),
         (
             '[[fitness]]\nname = "gsi"\nmin = 1.5\n',
-            "min = 1.5 of gsi is out of range.*a value from 0 to 1",
+            "min = 1.5 lies outside the range of gsi.*a bound from 0 to 1",
         ),
-        ('[[fitness]]\nname = "crumbs"\nobjective = "a\\u001b"\n', "a valid name for a folder"),
+        ('[[fitness]]\nname = "crumbs"\nobjective = "a\\u001b"\n', "cannot be the name of a"),
         (
             '[[fitness]]\nfile = "heredity.py"\nname = "litter"\nlike = "lyon-1er"\n',
             "like for litter, which needs genome and parents",
         ),
-        ('[[fitness]]\nname = "gsi"\nweight = 2\n', "gsi has no goal"),
+        ('[[fitness]]\nname = "gsi"\nweight = 2\n', "gsi has no default goal"),
         ('[[fitness]]\nname = "gsi"\ntarget = 1\nweight = -2\n', r"weight \(gsi\): -2"),
         (
             '[[fitness]]\nfile = "heredity.py"\nname = "roofs"\nmax = 9\n',
-            "max cannot apply to all of roofs",
+            "the key 'max' needs one measure, but this entry has several: roofs",
         ),
         ('[[fitness]]\nfile = "heredity.py"\nname = "rofs"\n', "name = 'rofs'"),
         (

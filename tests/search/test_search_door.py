@@ -10,7 +10,7 @@ from test_search_run import rows, run
 from evocity import operators
 from evocity.citymap import CityMap
 from evocity.errors import OperatorError
-from evocity.evaluation.admission import admit
+from evocity.evaluation.evaluator import admit
 from evocity.search import Search, read_recipe
 from evocity.search.preparation.preparation import prepare
 from evocity.store import RunLog
@@ -58,12 +58,12 @@ STRANGE = {
     "tuple keys": (
         lambda g: g.replace(made={(1, 2): "a"}),
         r"the record `made` of a birth cannot be written as JSON \(TypeError: keys must be",
-        "a mapping whose keys are texts",
+        "a dictionary with texts as keys",
     ),
     "lone surrogate": (
         lambda g: g.replace(made={"name": "\ud800"}),
         "the record `made` of a birth cannot be written as JSON",
-        "a mapping whose keys are texts",
+        "a dictionary with texts as keys",
     ),
     "both": (
         lambda g: of_side(32, "left").replace(metres_per_pixel=9.0),

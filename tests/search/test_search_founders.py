@@ -84,7 +84,10 @@ def test_a_bred_parent_may_be_compared_with_and_be_like(evening, tmp_path):
         ('map = "left.npy"\nid = 3', "id without run"),
         ('map = "left.npy"\ngenome = "child.parquet"', "map and genome"),
         ('name = "west"', "no map; allowed: one of map, genome and run"),
-        ('genome = "child.parquet"\ncenter = [4.8, 45.7]', "center cannot go with genome"),
+        (
+            'genome = "child.parquet"\ncenter = [4.8, 45.7]',
+            "the key 'genome' is given together with center",
+        ),
         ('run = "evening"\nid = -1', "0 or more"),
     ],
 )

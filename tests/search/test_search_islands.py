@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from test_search_commands import events, steered
 from test_search_recipe import faults
 from test_search_run import rows, run, started
+from toy_runs import append_events, unsealed
 
 import evocity
 from evocity.cli import main
@@ -374,7 +375,7 @@ def test_commands_count_on_all_islands(toy, tmp_path):
         RunError, match=r"all operators of an island \(mutation, lambda_crossover\)"
     ):
         commands.send(out, nothing)
-    with pytest.raises(RunError, match="weighs no 'height_scaling'"):
+    with pytest.raises(RunError, match="has no weight 'height_scaling'"):
         commands.send(out, Reweight(weights={"height_scaling": 1}))
     with Search(read_recipe(recipe), workers=0) as search:
         search.reweight(mutation=0, lambda_crossover=0)
@@ -518,7 +519,7 @@ def test_a_stranger_s_islands_are_checked(toy, tmp_path):
         ]
         with pytest.raises(RunError, match="an island other than cells, towers, crowd"):
             read(RunLog(tmp_path / kind), 1)
-    told = json.loads((tmp_path / "run" / "provenance.json").read_text())
+    told = unsealed(tmp_path / "run" / "provenance.json")
     told["header"]["islands"] = ["a", "a", "b"]
     (tmp_path / "run" / "provenance.json").write_text(json.dumps(told))
     with pytest.raises(RunError, match="a name twice"):
@@ -596,13 +597,12 @@ def test_a_report_of_a_stranger_s_islands_is_no_harm(toy, tmp_path):
     recipe = toy(recipe=THREE.replace('"towers"', '"<b>towers"'), population=15)
     assert any("'<b>towers'" in one for one in faults(recipe))
     run(toy(recipe=THREE, population=15), out, workers=0)
-    told = json.loads((out / "provenance.json").read_text())
-    told["recipe"]["islands"] = [{"name": "cells", "operators": 3, "search": {}}, 7]
+    told = unsealed(out / "provenance.json")
+    told["recipe"]["islands"] = [{"name": "cells", "operators": 3, "search": {}}]
     del told["fitness"]
     (out / "provenance.json").write_text(json.dumps(told))
-    with (out / "events.jsonl").open("a") as file:
-        for moved in (3, [5], [{"from": "<script>", "to": [], "ids": "all"}]):
-            file.write(json.dumps({"event": "migration", "generation": 1, "moves": moved}) + "\n")
+    for moved in (3, [5], [{"from": "<script>", "to": [], "ids": "all"}]):
+        append_events(out, {"event": "migration", "generation": 1, "moves": moved})
     page = write_report(out).read_text()
     assert "<h2>Islands</h2>" in page
     assert "<script>'" not in page

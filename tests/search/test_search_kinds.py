@@ -57,7 +57,7 @@ def test_a_run_is_told_measured_and_read_again(run):
                 assert same or all(kept)
                 assert sum(kept) >= len(kept) - 1
     else:
-        with pytest.raises(RunError, match=f"{kind}s have no source cities for the ancestry"):
+        with pytest.raises(RunError, match=f"genomes of the kind {kind} have no source cities"):
             one.ancestry()
     with pytest.raises(RunError, match="zoom"):
         one.picture(zoom=2)
@@ -80,7 +80,7 @@ def test_commands_take_it(run, tmp_path):
     assert np.load(tmp_path / "one.npy").shape == (64, 64)
     told = CliRunner().invoke(main, ["decode", out, "--id", "7", "--zoom", "2", "-o", "x.npy"])
     assert told.exit_code == 2
-    assert f"--zoom 2.0 does not fit a {kind}" in told.output
+    assert f"--zoom 2.0 cannot be used with a {kind}" in told.output
     run[7].save(tmp_path / "one.parquet")
     told = CliRunner().invoke(
         main, ["show", str(tmp_path / "one.parquet"), "-o", str(tmp_path / "again.png")]
@@ -93,7 +93,7 @@ def test_a_report_shows_it(run):
 
     page = write_report(run.path).read_text(encoding="utf-8")
     assert page.count("data:image/png") > 6
-    assert ("of 4 px</p>" in page) == (run.header.kind == "site")
+    assert ("4 pixels wide</p>" in page) == (run.header.kind == "site")
 
 
 @pytest.mark.slow_cases("site")

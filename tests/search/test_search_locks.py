@@ -172,7 +172,7 @@ def test_faults_of_the_table_are_told_with_their_keys(quarter, locked, key, word
         (MASK, 'city = "middle"', RecipeError, "'middle' is not a source of this recipe"),
         (MASK, 'city = "rigth"', RecipeError, "did you mean right?"),
         (np.ones((64, 64)), "", RecipeError, r"mask\.npy covers every pixel of left"),
-        (np.zeros((64, 64)), "", MapError, "no pixel of left is above 0"),
+        (np.zeros((64, 64)), "", MapError, "no value above 0 on the map left"),
         (
             MASK[:32],
             "",

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from test_search_recipe import faults
 from test_search_run import rows, run
+from toy_runs import unsealed
 
 import evocity
 from evocity.errors import RecipeError, RunError
@@ -372,7 +373,7 @@ def test_other_runs_stay_as_they_were(toy, tmp_path):
     assert "algorithm" not in log.history()[0]
     assert log.status()["algorithm"] == {}
     assert grid_of_run(log) is None
-    with pytest.raises(RunError, match="no grid of its own"):
+    with pytest.raises(RunError, match="has no grid, and no grid was given"):
         binned(log)
     with pytest.raises(RunError, match="2 goals"):
         binned(log, GRID)
@@ -401,7 +402,7 @@ def test_births_of_any_run_of_one_goal_are_binned(toy, tmp_path, filled):
     )
     assert found.coverage == len(best) / 30
     other = Grid(("gsi", "fsi"), (2, 2), grid.ranges)
-    with pytest.raises(RunError, match="does not log fsi"):
+    with pytest.raises(RunError, match="does not log the descriptors fsi"):
         binned(log, other)
     assert binned(log, grid, 0).births["generation"].to_pylist() == [0] * len(binned(log, grid, 0))
 
@@ -523,7 +524,7 @@ def test_three_descriptors(toy, tmp_path):
 )
 def test_a_damaged_grid_is_told(filled, noted):
     out, _ = filled
-    about = json.loads((out / "provenance.json").read_text())
+    about = unsealed(out / "provenance.json")
     about["recipe"]["search"] |= noted
     (out / "provenance.json").write_text(json.dumps(about))
     with pytest.raises(RunError, match=r"lacks the run's grid|logs no nothing"):

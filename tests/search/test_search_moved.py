@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from test_search_run import rows, run
+from toy_runs import unsealed
 
 from evocity.cli import main
 from evocity.errors import RecipeError, RunError
@@ -137,7 +138,7 @@ def test_a_copy_lies_in_its_folder(recipe, home, tmp_path, place):
     run(recipe, home / "run", workers=0, generations=0)
     out = moved(home, tmp_path)
     path = out / "provenance.json"
-    told = json.loads(path.read_text(encoding="utf-8"))
+    told = unsealed(path)
     told["fitness"][0]["kept"] = place
     path.write_text(json.dumps(told), encoding="utf-8")
     with pytest.raises(RunError, match="as the source of a measure"):
@@ -178,7 +179,7 @@ def test_a_run_of_old_gets_its_copies_when_it_is_taken_up(recipe, home, tmp_path
     run(recipe, home / "run", workers=0, generations=1)
     shutil.rmtree(home / "run" / "fitness")
     path = home / "run" / "provenance.json"
-    told = json.loads(path.read_text(encoding="utf-8"))
+    told = unsealed(path)
     told["recipe"]["folder"] = str(home)
     for one in told["fitness"]:
         one["file"] = str(home / one["file"]) if "kept" in one else "/site/" + one["file"]

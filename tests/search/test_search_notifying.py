@@ -11,6 +11,8 @@ from test_search_recipe import faults
 from test_search_run import rows, run
 
 from evocity.errors import RunError
+from evocity.evaluation import linux_processes
+from evocity.evaluation.linux_processes import LINUX
 from evocity.recipe.stop_and_notify import NotifySection, words_of
 from evocity.search import Generation, Observer, Search, read_recipe
 from evocity.search.steering.notification import (
@@ -220,6 +222,32 @@ def test_a_command_has_a_deadline_and_leaves_nothing(tmp_path):
             time.sleep(0.02)
 
 
+@pytest.mark.skipif(not LINUX, reason="Linux lists sessions")
+def test_a_child_with_a_process_group_of_its_own_ends_but_one_with_a_session_stays(tmp_path):
+    script = (
+        "import os, time\n"
+        "for detach in (os.setpgrp, os.setsid):\n"
+        "    if not os.fork():\n"
+        "        detach()\n"
+        "        open(detach.__name__, 'w').write(str(os.getpid()))\n"
+        "        for low in range(3): os.close(low)\n"
+        "        time.sleep(60)\n"
+        "while not all(map(os.path.exists, ('setpgrp', 'setsid'))): time.sleep(.01)"
+    )
+    runner = CommandRunner(30.0)
+    runner.start(errand([PYTHON, "-I", "-S", "-c", script], tmp_path))
+    runner.close(30.0)
+    (ended,) = runner.take_results()
+    assert ended["code"] == 0
+    group, session = (int((tmp_path / name).read_text()) for name in ("setpgrp", "setsid"))
+    until = time.monotonic() + 5
+    while linux_processes._stat(group)[:1] not in ([], [b"Z"]):
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    assert linux_processes._stat(session)[:1] not in ([], [b"Z"])  # docs/recipe.md says so
+    linux_processes.kill(session)
+
+
 def test_a_search_that_ends_does_not_wait_for_long(tmp_path, monkeypatch):
     monkeypatch.setattr("evocity.search.steering.notification._PATIENCE", 0.3)
     runner = CommandRunner(600.0)
@@ -302,7 +330,10 @@ def test_no_shell_reads_what_is_told():
 @pytest.mark.parametrize(
     ("lines", "says"),
     [
-        ('on_end = "mail \'me"', 'notify.on_end: "mail \'me" (No closing quotation)'),
+        (
+            'on_end = "mail \'me"',
+            'notify.on_end: "mail \'me" cannot be split into words (No closing quotation)',
+        ),
         ('on_end = ""', "notify.on_end: ''; allowed: a command"),
         ('on_end = "mail {reson}"', "notify.on_end: {reson}, did you mean {reason}?"),
         ("on_end = 3", "notify.on_end: 3; allowed: text in quotes"),

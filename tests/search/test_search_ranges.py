@@ -11,7 +11,7 @@ from test_search_run import rows, run
 from evocity import operators
 from evocity.errors import OperatorError
 from evocity.operators import OPERATORS
-from evocity.operators.parameters import number_of
+from evocity.operators.parameters import number_of, wrong_types
 from evocity.recipe.mixture import Drawn, Range
 from evocity.search import Search, read_recipe
 from evocity.search.breeding.plans import founder_plans
@@ -158,7 +158,7 @@ def test_which_parameters_are_numbers():
     for key in ("void", "places", "domains"):
         assert taken["pavement_fusion", key] is None
     for (name, key), number in taken.items():
-        wrong = operators.wrong_types(OPERATORS[name], {key: 0.5})
+        wrong = wrong_types(OPERATORS[name], {key: 0.5})
         assert (not wrong) == (number is float)
 
 

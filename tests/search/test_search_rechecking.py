@@ -6,8 +6,8 @@ from test_search_islands import THREE
 from test_search_replay import DRAWS
 from test_search_run import rows, run
 
-from evocity.search import Search, read_recipe, replay_check
-from evocity.search.replay_check import ReplayCheck
+from evocity.search import Search, read_recipe, schedules
+from evocity.search.schedules import ReplayCheck
 from evocity.store import RunLog
 
 WINDOW = "[search]\nwindow = 5\n"
@@ -23,7 +23,7 @@ def counted(city):
 @pytest.fixture
 def often(monkeypatch):
     """Sets the share of births that are replayed."""
-    return lambda rate: monkeypatch.setattr(replay_check, "RATE", rate)
+    return lambda rate: monkeypatch.setattr(schedules, "RATE", rate)
 
 
 def chosen(search):

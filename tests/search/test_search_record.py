@@ -10,6 +10,7 @@ from unittest.mock import patch
 import pytest
 from test_search_recipe import faults, replaced
 from test_search_run import run
+from toy_runs import unsealed
 
 import evocity
 from evocity import fitness
@@ -194,7 +195,7 @@ def test_who_evaluates_elsewhere_may_leave_them_out(toy, tmp_path):
         one = {"spread": 1.0, "roof": 2.0}
         told = [one, one | {"fsi": 3.0}, one | {"fsi": math.nan}, one | {"fsi": "many"}]
         count = len(search.ask())
-        with pytest.raises(RunError, match="from those of fsi that are known"):
+        with pytest.raises(RunError, match="with values of fsi if they are known"):
             search.tell([one | {"gsi": 1.0}] * count)
         search.tell(told[:count])
     births = RunLog(tmp_path / "run").births().to_pylist()
@@ -222,7 +223,7 @@ def test_versions_tell_what_a_run_has(toy, tmp_path):
         assert ("marks" in told["header"]) == (version > 4)
         path.unlink()
     shutil.copytree(tmp_path / "run", tmp_path / "harmed")
-    told = json.loads((tmp_path / "harmed" / "provenance.json").read_text())
+    told = unsealed(tmp_path / "harmed" / "provenance.json")
     told["header"]["recorded"] = ["spread"]
     (tmp_path / "harmed" / "provenance.json").write_text(json.dumps(told))
     with pytest.raises(RunError, match="damaged"):
@@ -254,7 +255,7 @@ def test_headers_travel(toy):
         ("[3]", "run.record[0]", "the name of a measure, a file NAME.py, or a table"),
         ("[{ name = 'fsi', goal = 'max' }]", "run.record[0].goal", "name, file, reference"),
         ("[{ name = 'fsi', reference = 'parents' }]", "run.record[0]", "compares with no city"),
-        ("[{}]", "run.record[0]", "neither name nor file"),
+        ("[{}]", "run.record[0]", "neither a name nor a file"),
     ],
 )
 def test_bad_records_are_told(toy, record, key, says):

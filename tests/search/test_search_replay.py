@@ -15,7 +15,7 @@ from test_search_run import run
 import evocity
 from evocity.errors import RunError
 from evocity.search import Search
-from evocity.search.record.diff import differences
+from evocity.search.record.complete_run import differences
 from evocity.store import Birth, RunLog
 
 GSI = '[[fitness]]\nname = "gsi"\nweight = 20.0\nobjective = "form"\ntarget = 0.3\n'
@@ -192,7 +192,7 @@ def test_ids_that_are_none_are_refused(whole, ids):
 
 @pytest.mark.parametrize("workers", [-1, 1.5, True, "2"])
 def test_workers_are_a_number(whole, workers):
-    with pytest.raises(RunError, match="workers="):
+    with pytest.raises(RunError, match="workers = "):
         evocity.replay(whole / "run", [0], workers=workers)
 
 

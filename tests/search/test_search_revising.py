@@ -103,7 +103,7 @@ def test_all_that_cannot_change_is_told_at_once_and_nothing_is_changed(begun, tm
     ):
         replaced(recipe, old, new)
     recipe.write_text(recipe.read_text() + "[search]\nalgorithm = 'nsga2'\n")
-    with pytest.raises(RecipeError, match=r"cannot go on with toy\.toml") as caught:
+    with pytest.raises(RecipeError, match=r"cannot continue with toy\.toml") as caught:
         Search.resume(out, recipe=recipe, generations=1)
     lines = [line.strip() for line in caught.value.found.splitlines()[1:]]
     assert [line.split(":")[0] for line in lines] == [

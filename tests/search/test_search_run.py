@@ -235,11 +235,11 @@ def test_ask_and_tell_elsewhere(toy, tmp_path):
             search.tell([])
         genomes = search.ask()
         assert len(genomes) == 8
-        with pytest.raises(RunError, match=r"call tell\(results\) first"):
+        with pytest.raises(RunError, match=r"call tell\(\) with the results of these"):
             search.ask()
         with pytest.raises(RunError, match="7 results for 8 genomes"):
             search.tell(values[:7])
-        with pytest.raises(RunError, match="mapping from each of spread, roof"):
+        with pytest.raises(RunError, match="a value of each measure: spread, roof"):
             search.tell([{"spread": 1.0}] * 8)
         values[3]["roof"] = float("nan")
         values[4] = ValueError("elsewhere")

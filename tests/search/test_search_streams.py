@@ -10,7 +10,7 @@ import pytest
 from codes import uniformly
 
 from evocity import fitness
-from evocity.evaluation import Here, Workers, linux_processes
+from evocity.evaluation import Here, Workers, linux_processes, worker_seat
 from evocity.evaluation.evaluator import Outcome, Setup
 from evocity.kinds import KINDS
 from evocity.search.breeding.births import stream_offspring
@@ -103,7 +103,8 @@ def test_a_stream_without_end_is_drawn_a_little_ahead_and_may_be_left(engine, ge
     stream = pool.stream("evaluate", (job(genome, next(drawn)) for _ in count()))
     taken = [next(stream) for _ in range(40)]
     stream.close()
-    assert next(drawn) <= 40 + 5 * max(1, workers)
+    held = worker_seat.MOST_HELD if workers else 0  # outcomes that wait for a check
+    assert next(drawn) <= 40 + (5 + held) * max(1, workers)
     assert len({number for number, _ in taken}) == 40
     assert [one.values for one in pool.run("evaluate", [job(genome, 7)])] == [{"named": 7}]
 

@@ -140,7 +140,7 @@ def test_functions_that_return_something_else_are_told(toolbox):
     toolbox.register("evaluate", lambda one: (1.0,))
     with pytest.raises(OperatorError, match="fitness values"):
         evolved(toolbox, algorithms.eaSimple, cxpb=0, mutpb=0, ngen=1)
-    with pytest.raises(OperatorError, match="a Recipe"):
+    with pytest.raises(OperatorError, match="is not a recipe"):
         evocity.deap_toolbox("demo")
 
 
@@ -150,6 +150,6 @@ def test_a_recipe_without_a_crossing_says_so(toy):
     start = text.index("pavement_fusion")
     recipe.write_text(text[:start] + text[text.index("mutation = 2") :])
     with evocity.deap_toolbox(read_recipe(recipe), workers=0) as box:
-        with pytest.raises(OperatorError, match="an operator for two parents"):
+        with pytest.raises(OperatorError, match="an operator that breeds from two parents"):
             box.mate(*box.population(n=2))
         assert isinstance(box.mutate(box.individual())[0], City)

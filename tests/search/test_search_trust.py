@@ -7,6 +7,7 @@ import sys
 
 import pytest
 from test_search_run import run
+from toy_runs import unsealed
 
 import evocity
 from evocity.errors import RunError
@@ -39,7 +40,7 @@ def traced(toy, tmp_path):
 def rewritten(out, change):
     """Change what the provenance tells."""
     path = out / "provenance.json"
-    told = json.loads(path.read_text(encoding="utf-8"))
+    told = unsealed(path)
     change(told)
     path.write_text(json.dumps(told), encoding="utf-8")
 
@@ -95,7 +96,7 @@ def test_a_stranger_cannot_change_what_a_marked_run_executes(traced, kind, tmp_p
             told["recipe"]["hash"] = hash_of_text(path.read_text())
 
     rewritten(out, change)
-    with pytest.raises(RunError, match="would execute its own files or commands") as caught:
+    with pytest.raises(RunError, match="would execute files or commands") as caught:
         Search.resume(out, workers=0, accept_changes=True)
     assert ("'touch here'" in caught.value.found) == (kind == "command")
     assert not trace.exists()
@@ -106,7 +107,7 @@ def test_changed_copies_are_no_users_own_change(traced, tmp_path):
     (tmp_path / "toys.py").unlink()
     path = out / "fitness" / "toys.py"
     path.write_text(path.read_text() + "\n# and more\n")
-    with pytest.raises(RunError, match="would execute its own files or commands"):
+    with pytest.raises(RunError, match="would execute files or commands"):
         Search.resume(out, workers=0, accept_changes=True)
     assert not trace.exists()
 

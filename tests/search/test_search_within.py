@@ -95,7 +95,7 @@ def test_by_hand_all_is_measured_within_a_part_but_what_is_of_one_already(toy):
     assert "integrity cannot be limited" in found.error  # it asks for the genome of the whole
     found = Evaluator(prepared.setup).evaluate_within(genome, fitness.Part("disc", parts["disc"]))
     assert set(found.values) == {"gsi", "gsi@quarter", "gsi@disc"}
-    assert "spread cannot be limited to disc, which is not a rectangle" in found.error
+    assert "spread cannot be limited to disc, because this part is not a rectangle" in found.error
 
 
 @pytest.mark.slow
@@ -239,7 +239,7 @@ def _written(toy, folder):
     ("mask", "says"),
     [
         (np.ones((32, 32)), "quarter has 32 × 32 px, but left has 64 × 64 px"),
-        (np.zeros((64, 64)), "no pixel of left is above 0"),
+        (np.zeros((64, 64)), "no value above 0 on the map left"),
     ],
 )
 def test_masks_that_do_not_serve_are_refused_before_the_run(toy, tmp_path, mask, says):
@@ -254,7 +254,7 @@ def test_measures_that_cannot_tell_a_part_are_refused_before_the_run(toy, tmp_pa
     goals = "[[fitness]]\nname = 'lacunarity'\ngoal = 'max'\nwithin = '{}.npy'\n"
     path = parted(toy, goals.format("disc"))
     with pytest.raises(
-        RecipeError, match=r"fitness\[1\]: lacunarity cannot be limited to disc.npy, which is not"
+        RecipeError, match=r"fitness\[1\]: lacunarity cannot be limited to disc.npy, because"
     ):
         Search(read_recipe(path), tmp_path / "run", workers=0).ask()
     assert not (tmp_path / "run").exists()
@@ -271,7 +271,7 @@ def test_measures_that_cannot_tell_a_part_are_refused_before_the_run(toy, tmp_pa
         ),
         ("name = 'gsi'\ntarget = 0.3\nwithin = 3", "fitness[1].within (gsi)", "text in quotes"),
         ("name = 'gsi'\ntarget = 0.3\nlabel = 'west'", "fitness[1] (gsi)", "without within"),
-        ("name = 'integrity'\nwithin = 'disc.npy'", "fitness[1]", "it needs the genome and the"),
+        ("name = 'integrity'\nwithin = 'disc.npy'", "fitness[1]", "the whole map: genome and "),
         (
             "name = 'gsi'\ntarget = 0.3\nwithin = 'disc.npy'\n[[fitness]]\n"
             "name = 'gsi'\ntarget = 0.5\nwithin = 'disc.npy'",

@@ -92,7 +92,7 @@ def changed(**keys):
         (changed(kept=6), "kept"),
         (changed(kept=True), "kept"),
         (changed(shared=1), "shared"),
-        (changed(maps=[1, 2]), "maps of shape"),
+        (changed(maps=[1, 2]), "the maps have the shape|the maps for"),
         (changed(maps=[[[9, 0], [-8, 1]]] * 2), "map"),
         (changed(crs=["x"]), "crs"),
         (lambda document: {k: v for k, v in document.items() if k != "maps"}, "keys are missing"),
@@ -113,7 +113,7 @@ def test_parquet_of_others_and_cut_off_is_told(tmp_path, monkeypatch):
     faults = [content[: len(content) // 2], content[:200] + b"\0" * 40 + content[240:]]
     for fault in faults:
         path.write_bytes(fault)
-        with pytest.raises(ShapeError, match="not a curve"):
+        with pytest.raises(ShapeError, match=r"not a curve|is damaged"):
             read_curve(path)
     pq.write_table(pa.table({"a": [1, 2]}), path)
     with pytest.raises(ShapeError, match="not a curve"):

@@ -82,7 +82,10 @@ def test_polygons_are_products_of_maps(seed, depth):
     ("fault", "says"),
     [
         (lambda: Curve([(0, 0)], np.ones((2, 1, 1))), "control points have the shape"),
-        (lambda: Curve([(0, 0), (1, 0)], np.ones((2, 3, 3))), "maps of shape"),
+        (
+            lambda: Curve([(0, 0), (1, 0)], np.ones((2, 3, 3))),
+            "the maps for 2 control points have the shape",
+        ),
         (lambda: Curve([(0, 0), (1, 0)], np.ones((2, 2, 2))), "sums to 2"),
         (lambda: Curve([(0, 0), (np.nan, 0)], np.ones((2, 2, 2)) / 2), "not finite"),
         (lambda: Curve([(0, 0), (1, 0)], [[[3, 0], [-2, 1]], [[1, 0], [0, 1]]]), "radius is 3"),

@@ -108,12 +108,12 @@ def test_a_level_has_words_of_one_length():
 @pytest.mark.parametrize(
     ("fault", "says"),
     [
-        (lambda: Language(np.zeros((2, 2))), "the table has the shape"),
+        (lambda: Language(np.zeros((2, 2))), "the table of the language has the shape"),
         (lambda: Language(np.array([[5]])), "a missing state, 5"),
-        (lambda: Language(np.array([[0]]), np.array([True, False])), "accepting has the shape"),
+        (lambda: Language(np.array([[0]]), np.array([True, False])), "'accepting' has the shape"),
         (lambda: Language.every(2) | Language.every(3), "the languages have 2 and 3 letters"),
         (lambda: Language.every(2) @ Language.every(3), "the languages have 2 and 3 letters"),
-        (lambda: Language.without(2, (0, 5)), "forbidden word"),
+        (lambda: Language.without(2, (0, 5)), "the word .0, 5. is invalid"),
         (lambda: Language.of_words(2, [(7,)]), "word"),
         (lambda: Language.every(2).count(-1), "length"),
         (lambda: Language.every(5000), "5000 letters"),

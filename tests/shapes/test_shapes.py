@@ -204,7 +204,7 @@ def test_words_of_shapes_with_the_same_maps():
     b = Shape(HALVES, language=Language.without(4, (0, 0)))
     assert (a & b).language == Language.without(4, (3, 3), (0, 0))
     assert (a - b).count(2) == 1
-    with pytest.raises(ShapeError, match="the two shapes have different maps"):
+    with pytest.raises(ShapeError, match="the two shapes have different affine maps"):
         a & known("koch")
 
 
@@ -230,10 +230,10 @@ def test_contraction_is_proved_by_longer_products_and_refuted_by_name():
     sheared = Shape([[[0.5, 3.0, 0], [0, 0.5, 0]], [[0.5, 0, 1], [0, 0.5, 0]]])
     assert sheared.contraction.proved
     assert sheared.contraction.length > 1
-    with pytest.raises(ShapeError, match=r"map 1, whose spectral radius is 1\.2"):
+    with pytest.raises(ShapeError, match=r"map 1 does not contract: its spectral radius is 1\.2"):
         Shape([[[0.5, 0, 0], [0, 0.5, 0]], [[1.2, 0, 0], [0, 0.1, 0]]])
     growing = [[[0, 2.0, 0], [0.1, 0, 0]], [[0, 0.1, 0], [2.0, 0, 0]]]
-    with pytest.raises(ShapeError, match="maps 0 1 one after another"):
+    with pytest.raises(ShapeError, match="the product of maps 0 1"):
         Shape(growing)
     # one after the other they grow; without that word they contract
     assert Shape(growing, language=Language.without(2, (0, 1), (1, 0))).contraction.proved
@@ -252,12 +252,12 @@ def test_what_is_not_decided_is_warned_of():
     [
         (lambda: Shape([[1, 2]]), "the maps have the shape"),
         (lambda: Shape("koch"), "the maps have the shape"),
-        (lambda: Shape([[[np.nan, 0, 0], [0, 0.5, 0]]]), "map 0 is not finite"),
+        (lambda: Shape([[[np.nan, 0, 0], [0, 0.5, 0]]]), "entry 0 of the maps is not finite"),
         (lambda: Shape(HALVES, "cub"), "did you mean cube"),
-        (lambda: Shape(HALVES, "cube"), "the primitive lies in space"),
+        (lambda: Shape(HALVES, "cube"), "the primitive is three-dimensional"),
         (lambda: Shape(HALVES, colours=[(0, 0, 2)] * 4), "colours"),
         (lambda: Shape(HALVES, mix=1.0), "mix = 1.0"),
-        (lambda: Shape(HALVES, language=Language.every(3)), "3 letters does not fit 4 maps"),
+        (lambda: Shape(HALVES, language=Language.every(3)), "3 letters does not fit 4 affine maps"),
         (lambda: Shape(HALVES).pieces(12), "16777216 pieces"),
         (lambda: Shape(HALVES).pieces(), "neither"),
         (lambda: Shape(HALVES).pieces(64), "depth = 64"),
@@ -266,15 +266,15 @@ def test_what_is_not_decided_is_warned_of():
             lambda: Shape(HALVES, language=Language.level(4, 2)).pieces(pixel=0.1),
             "finitely many words",
         ),
-        (lambda: Shape.from_frames([]), "the frames are invalid"),
+        (lambda: Shape.from_frames([]), "the frames of the shape are invalid"),
         (
             lambda: Primitive.of([(0, 0)], faces=[(0, 1, 2)]),
-            "faces use a missing point; the highest number is 2",
+            "a missing point in the faces: 2",
         ),
-        (lambda: picture_of(known("menger")), "the shape lies in space"),
+        (lambda: picture_of(known("menger")), "the shape is not two-dimensional"),
         (lambda: known("kock"), "did you mean koch"),
         (lambda: mask_of(known("koch"), 4), "side = 4"),
-        (lambda: boxes_of(np.zeros((512, 512))), "0 cells"),
+        (lambda: boxes_of(np.zeros((512, 512))), "0 of them filled"),
     ],
 )
 def test_what_cannot_be_is_told(fault, says):

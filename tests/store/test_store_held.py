@@ -10,6 +10,7 @@ import pytest
 from evocity.errors import RunError
 from evocity.store import lock
 from evocity.store.lock import Lock, is_held
+from evocity.store.run_directory import RunDirectory
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="locks of POSIX can be shared")
 
@@ -22,7 +23,7 @@ def path(tmp_path):
 def test_it_is_held_from_taking_to_release(path):
     assert not is_held(path)
     assert not path.exists()
-    held = Lock(path)
+    held = Lock(RunDirectory(path.parent))
     assert is_held(path)
     held.release()
     assert not is_held(path)
@@ -31,10 +32,11 @@ def test_it_is_held_from_taking_to_release(path):
 
 def test_a_dead_process_holds_nothing(path):
     program = (
-        "import pathlib, sys, time; from evocity.store.lock import Lock;"
-        "held = Lock(pathlib.Path(sys.argv[1])); print('held', flush=True); time.sleep(60)"
+        "import sys, time; from evocity.store.lock import Lock;"
+        "from evocity.store.run_directory import RunDirectory;"
+        "held = Lock(RunDirectory(sys.argv[1])); print('held', flush=True); time.sleep(60)"
     )
-    holder = subprocess.Popen([sys.executable, "-c", program, path], stdout=subprocess.PIPE)
+    holder = subprocess.Popen([sys.executable, "-c", program, path.parent], stdout=subprocess.PIPE)
     assert holder.stdout.readline().strip() == b"held"
     assert is_held(path)
     holder.kill()
@@ -43,12 +45,12 @@ def test_a_dead_process_holds_nothing(path):
 
 
 def test_who_looks_keeps_nobody_out(path):
-    Lock(path).release()
+    Lock(RunDirectory(path.parent)).release()
     with open(path, "rb") as looking:
         lock._share(looking)
         assert not is_held(path)  # two may look
         threading.Thread(target=lambda: (time.sleep(0.015), looking.close())).start()
-        Lock(path).release()
+        Lock(RunDirectory(path.parent)).release()
 
 
 def test_a_link_is_refused(path, tmp_path):

@@ -8,11 +8,12 @@ import sys
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from toy_runs import unsealed
 
 import evocity
 from evocity.errors import RunError
 from evocity.report import contact_sheet, write_report
-from evocity.store import RunLog, RunWriter, safe_open
+from evocity.store import RunLog, RunWriter, run_directory
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="links and pipes of POSIX")
 
@@ -96,7 +97,7 @@ def test_a_pipe_does_not_hang(whole_run, part):
 
 
 def test_huge_files_are_not_read(whole_run, monkeypatch):
-    monkeypatch.setattr(safe_open, "MOST_BYTES", 1000)
+    monkeypatch.setattr(run_directory, "MOST_BYTES", 1000)
     (whole_run / "events.jsonl").write_bytes(b" " * 1001)
     with pytest.raises(RunError, match="more than"):
         RunLog(whole_run).events()
@@ -125,6 +126,24 @@ def test_a_lost_generation_in_the_middle_costs_nothing_behind_it(whole_run, kind
     assert snapshot(whole_run) == before
 
 
+@posix
+def test_a_folder_with_a_name_that_is_not_utf8_is_read_and_written(whole_run):
+    path = whole_run.with_name(os.fsdecode(b"caf\xe9"))
+    try:
+        whole_run.rename(path)
+    except OSError:
+        pytest.skip("this file system takes only names in UTF-8")
+    run = RunLog(path)
+    assert run.status()["generation"] == 8
+    assert len(run.history()) == len(run.generations) == 9
+    assert len(run.births()) == len(run.individuals(range(18))) == 18
+    assert len(run.members()) == 18
+    writer = RunWriter.reopen(path)
+    writer.event("resume")
+    writer.close()
+    assert [one["event"] for one in RunLog(path).events()] == ["start", "resume"]
+
+
 HEADERS = {
     "population": [0, -1, "6", 2.5, True, None],
     "attribution": [3, None],
@@ -147,7 +166,7 @@ HEADERS = {
 )
 def test_a_header_is_checked(whole_run, key, value):
     path = whole_run / "provenance.json"
-    about = json.loads(path.read_text())
+    about = unsealed(path)
     about["header"][key] = value
     path.write_text(json.dumps(about))
     refused(whole_run)

@@ -264,7 +264,7 @@ def test_reopening_drops_what_is_not_whole(writer):
     for number in range(2):
         writer.write_generation(*generation_of(number))
     late = births_table(generation_of(2)[1], HEADER)
-    merge.write_single(late, writer.folder.single("births", 2))
+    merge.write_single(writer.folder.directory, late, writer.folder.single("births", 2))
     half = writer.path / "births" / ".generation-00000003-0badcafe.parquet"
     half.write_bytes(b"PAR1 half a file")
     writer.close()
@@ -417,7 +417,7 @@ def test_a_closed_writer_writes_no_more(writer):
         lambda: writer.event("stop"),
         lambda: writer.update_provenance({}),
     ):
-        with pytest.raises(RunError, match="this writer is closed"):
+        with pytest.raises(RunError, match="this writer was closed"):
             write()
     assert len(RunLog(writer.path).generations) == 1
 

@@ -3,6 +3,7 @@
 import errno
 import os
 from collections import Counter
+from pathlib import Path
 
 import naive
 import numpy as np
@@ -43,12 +44,12 @@ def counted(monkeypatch):
     def name(path):
         return f"{path.parent.name}/{path.name}"
 
-    def checking(path):
-        checked[name(path)] += 1
-        check(path)
+    def checking(file):
+        checked[name(Path(file.name))] += 1
+        check(file)
 
     def making(self, source, **options):
-        opened[id(self)] = name(source) if hasattr(source, "parent") else "a footer alone"
+        opened[id(self)] = name(Path(source.name))
         make(self, source, **options)
 
     def reading(self, numbers, *args, **options):

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from asking import HOSTILE, OLD, Client, contents
 from PIL import Image
+from toy_runs import unsealed
 from written_runs import written
 
 import evocity
@@ -229,7 +230,7 @@ def test_a_run_without_a_generation_is_waited_for(tmp_path, unwaited):
         client = opened(server)
         assert client.get("/api/0/changes?after=-1").json["generation"] == -1
         told = client.get("/api/0/births")
-        assert (told.status, "no whole generation" in told.json["error"]["found"]) == (409, True)
+        assert (told.status, "no complete generation" in told.json["error"]["found"]) == (409, True)
         for kind in ("births", "membership"):
             shutil.copytree(run / kind, folder / kind, dirs_exist_ok=True)
         assert client.get("/api/0/changes?after=-1").json["more"] is True
@@ -245,7 +246,7 @@ def damaged(folder: Path) -> None:
 
 def of_another_release(folder: Path) -> None:
     path = folder / "provenance.json"
-    told = json.loads(path.read_text()) | {"schema_version": 99}
+    told = unsealed(path) | {"schema_version": 99}
     path.write_text(json.dumps(told))
 
 
@@ -374,7 +375,7 @@ def test_picks_of_a_run_that_is_not_ones_own_are_kept_with_the_user(night, monke
 def test_a_damaged_file_of_picks_is_told_and_left(asked, night, text):
     (night / "picks.json").write_text(text)
     told = asked.post("/api/0/pick", {"change": "pick", "ids": [2]})
-    assert (told.status, "cannot be read as picks" in told.json["error"]["found"]) == (409, True)
+    assert (told.status, "cannot read the picks" in told.json["error"]["found"]) == (409, True)
     assert (night / "picks.json").read_text() == text
 
 

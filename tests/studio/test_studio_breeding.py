@@ -10,7 +10,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 from asking import OLD, Client, contents
-from toy_runs import write_toy
+from toy_runs import unsealed, write_toy
 
 import evocity
 from evocity.errors import OperatorError
@@ -253,7 +253,7 @@ def stranger(toy: Path, folder: Path) -> Path:
     """The run as it comes from another machine, its measure one that leaves a trace."""
     run = shutil.copytree(toy, folder / "run")
     path = run / "provenance.json"
-    told = json.loads(path.read_text())
+    told = unsealed(path)
     told["marks"] = []
     path.write_text(json.dumps(told))
     trace = folder / "trace"
@@ -352,9 +352,15 @@ def test_one_brood_at_a_time_in_workers_that_end_with_the_server(tmp_path):
         asked = {"operators": ["mutation"], "parents": [3], "count": 24, "seed": 1}
         assert client.post("/api/0/breed", asked).status == 200
         refused = client.post("/api/0/breed", asked)
-        assert (refused.status, refused.json["error"]["expected"]) == (409, "one brood at a time")
+        assert (refused.status, refused.json["error"]["expected"]) == (
+            409,
+            "one group of children at a time",
+        )
         refused = client.post("/api/1/ready", {})
-        assert (refused.status, refused.json["error"]["expected"]) == (409, "one brood at a time")
+        assert (refused.status, refused.json["error"]["expected"]) == (
+            409,
+            "one group of children at a time",
+        )
         seen = set()
         while (told := client.get("/api/0/brood").json)["busy"]:
             seen |= {one["stage"] for one in told["children"]}

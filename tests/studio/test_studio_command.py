@@ -16,8 +16,9 @@ from asking import Client, contents
 from brought import bring, footprints
 from click.testing import CliRunner
 
+import evocity
 from evocity.cli import main
-from evocity.search.steering.signals import Signalled, signals_raise
+from evocity.search.steering.stop_rules import Signalled, signals_raise
 from evocity.studio.routes import page_files
 from evocity.studio.server import _hangup_ends
 
@@ -131,6 +132,17 @@ def test_what_is_no_run_is_refused(tmp_path):
     assert "--fitness gsi" in said
     assert "evocity's own measures" in said  # and of no other package, which `fitness list` names
     assert "none.toml" in refused("studio", "--recipe", tmp_path / "none.toml")
+
+
+def test_who_reaches_the_cluster_of_a_recipe_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr("evocity.studio.server.serve", lambda *given, **more: None)
+    recipe = tmp_path / "far.toml"
+    for kind, said in (("tcp", True), ("tls", False)):
+        line = f'[evaluation]\ncluster = "{kind}://10.0.0.1:8786"\n'
+        recipe.write_text(evocity.read_recipe("demo").text.replace("[evaluation]\n", line))
+        done = CliRunner().invoke(main, ["studio", "--recipe", str(recipe)])
+        assert done.exit_code == 0
+        assert ("Note: the cluster at tcp://10.0.0.1:8786 uses no TLS" in done.stderr) == said
 
 
 def test_the_page_is_small_and_asks_nothing_of_another_host():

@@ -17,14 +17,14 @@ from unittest.mock import patch
 import pytest
 from asking import HOSTILE, Client, contents
 from brought import KIND, bring, chosen, desk, ending, footprints, is_read, wait
-from toy_runs import forgotten, write_toy  # noqa: F401
+from toy_runs import forgotten, unsealed, write_toy  # noqa: F401
 
 import evocity
 from evocity.errors import EvocityError, RunError
 from evocity.search.calibration.calibration import GUARD
 from evocity.studio import desk_maps, guard
+from evocity.studio.desk import BeginRequest, Draft, MapNumber
 from evocity.studio.desk_maps import MapChoice, Maps, Window
-from evocity.studio.draft import BeginRequest, Draft, MapNumber
 from evocity.studio.request_fields import RequestError, parse_body
 from evocity.studio.server import running_server
 from evocity.studio.subprocesses import DeskJob, ResumeRequest, RunProcesses, log_of
@@ -318,7 +318,7 @@ def test_a_draft_names_no_file_and_nothing_that_is_not_there(client, wrong):
         ({"seed": -1}, "seed = -1", "from 0 to 9007199254740991"),
         (
             {"window": {"pixels": 1, "metres_per_pixel": 2.0}},
-            "side of the window, pixels = 1",
+            "width of the square map in pixels = 1",
             "8 to",
         ),
         ({"maps": [{"map": 0, "center": [200, 0]}]}, "centre = 200", "longitude"),
@@ -469,7 +469,7 @@ def test_a_strangers_run_is_not_taken_up_where_it_brings_measures(tmp_path):
     with evocity.Search(evocity.read_recipe(path), out=tmp_path / "run") as search:
         list(search)
     provenance = tmp_path / "run" / "provenance.json"
-    provenance.write_text(json.dumps(json.loads(provenance.read_text()) | {"marks": []}))
+    provenance.write_text(json.dumps(unsealed(provenance) | {"marks": []}))
     before = contents(tmp_path)
     with running_server(tmp_path / "run") as server:
         client = Client(server)
@@ -504,7 +504,7 @@ def test_what_lies_beside_a_strangers_run_is_not_written_to(tmp_path, monkeypatc
         with pytest.raises(RunError, match=r"run.log"):
             RunProcesses().begin(run, ["--version"], log_of(run))
         provenance = run / "provenance.json"
-        provenance.write_text(json.dumps(json.loads(provenance.read_text()) | {"marks": []}))
+        provenance.write_text(json.dumps(unsealed(provenance) | {"marks": []}))
         assert tmp_path / "state" in log_of(run).parents
     assert victim.read_text() == "mine"
 
@@ -570,7 +570,7 @@ def test_a_full_disk_is_told_when_a_recipe_is_made_and_leaves_nothing(client, tw
 
 @pytest.mark.parametrize(
     ("place", "said"),
-    [("subprocess.Popen", "process"), ("open_to_append", "run.log cannot be written")],
+    [("subprocess.Popen", "process"), ("RunDirectory.append", "run.log cannot be written")],
 )
 def test_a_run_that_cannot_begin_leaves_nothing(tmp_path, place, said):
     runs = tmp_path / "runs"

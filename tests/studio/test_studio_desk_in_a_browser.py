@@ -107,7 +107,7 @@ def desk(browser, tmp_path):
         page.evaluate(DROPPED, [["long.geojson", " " * 2001]])  # which is not even sent
         until(page, f"{told}('2 kB at most')")
         for label, text in [
-            ("side of the window, pixels", "32"),
+            ("width of the square map in pixels", "32"),
             ("metres per pixel", "4"),
             ("individuals alive", "1"),
             ("length", "90000"),
@@ -159,7 +159,7 @@ def test_files_are_brought_and_measures_chosen_by_keys(browser, tmp_path):
         )
         page.evaluate(TOLD, [["old", 3, True, None]])
         press(page, "begin the run")
-        until(page, "document.getElementById('trouble').textContent.includes('no recipe')")
+        until(page, "document.getElementById('trouble').textContent.includes('not made a recipe')")
         page.evaluate(TOLD, [["old", 3, True, None], ["new", None, False, None]])
         assert page.evaluate("shown") == []
 
@@ -217,7 +217,7 @@ def test_two_files_become_a_night_by_keys(browser, tmp_path):
         assert page.get_by_label("name of the run").input_value() == "a night"
         assert page.get_by_label("length").input_value() == "90000"
         assert page.get_by_role("checkbox", checked=True).count() == 2
-        text = page.get_by_label("text of the recipe").inner_text()
+        text = page.get_by_label("full text of the recipe").inner_text()
         assert "a target" not in text
         assert 'name = "second"' in text
         axe(page)

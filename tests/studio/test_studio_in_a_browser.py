@@ -202,22 +202,22 @@ def test_one_birth_is_told_whole_and_strangers_texts_are_texts(opened, folder):
         until(page, "studio.run.birth.pedigree.nodes.length >= 4")
         nodes = page.locator(".evocity-pedigree .evocity-node")
         labels = nodes.evaluate_all("all => all.map((one) => one.ariaLabel)")
-        assert labels[0] == "birth 7, 0 steps back"
-        assert "birth 0, left, 1 steps back" in labels
+        assert labels[0] == "birth 7, 0 steps before the selected birth"
+        assert "birth 0, left, 1 steps before the selected birth" in labels
         page.get_by_role("button", name="ancestry").click()
         until(
             page,
-            "studio.run.birth.pictures.figures[0].image.alt.startsWith('the source city of')",
+            "studio.run.birth.pictures.figures[0].image.alt.includes('coloured by source city')",
         )
         for name in ("usage", "µ"):
             page.get_by_role("button", name=name, exact=True).click()
             until(
                 page,
-                "studio.run.birth.pictures.figures[0].image.alt.includes('how many lifs call')",
+                "studio.run.birth.pictures.figures[0].image.alt.includes('how many lifs copy')",
             )
         until(
             page,
-            f"{PICTURES}.legend.textContent.startsWith('how many lifs call each pixel')",
+            f"{PICTURES}.legend.textContent.startsWith('how many lifs copy from each pixel')",
         )
         nodes.nth(2).click()
         until(page, "document.querySelector('h2').textContent === 'birth 3'")
@@ -456,7 +456,7 @@ def test_new_generations_arrive_and_nothing_jumps(opened, folder, monkeypatch):
         assert page.evaluate("() => studio.run.viewer.gallery.root.scrollTop") == top
         assert state_of(page) == state
         assert f"{COUNT + 60} births" in page.locator("#news").inner_text()
-        page.get_by_role("button", name="sort the 60 new births, now last").click()
+        page.get_by_role("button", name="sort the 60 new births into the list").click()
         assert shown_ids(page)[0] == COUNT + 19  # the best of the first new generation, born first
 
 
@@ -553,7 +553,7 @@ def test_new_births_wait_while_the_hand_is_at_a_filter(opened, folder):
         assert (
             page.locator(".evocity-count")
             .inner_text()
-            .endswith(f"of {COUNT + 20} births pass, 0 chosen")
+            .endswith(f"of {COUNT + 20} births pass the filter, 0 chosen")
         )
 
 
@@ -598,12 +598,12 @@ def test_children_are_bred_and_kept_by_keys_alone(opened, tmp_path):
         page.get_by_label("keep this child").focus()
         keys.press(" ")
         page.locator("[aria-label^='child 2, ']").dblclick()  # marks it, and once more takes it off
-        page.get_by_role("button", name="keep 2 children and a recipe").wait_for()
+        page.get_by_role("button", name="save 2 children and a recipe").wait_for()
         assert page.get_by_label("keep this child").is_checked()
         page.locator("[aria-label^='child 2, ']").dblclick()
         assert not page.get_by_label("keep this child").is_checked()
         assert page.get_by_text("tick “keep this child”").is_hidden()
-        page.get_by_role("button", name="keep 1 child and a recipe").focus()
+        page.get_by_role("button", name="save 1 child and a recipe").focus()
         keys.press("Enter")
         until(page, "studio.run.breed.message.textContent.includes('evocity run')")
         recipe = page.locator(".evocity-command").inner_text().removeprefix("evocity run ")
@@ -699,7 +699,7 @@ def test_what_is_drawn_is_bred_bit_for_bit(opened, tmp_path):
         held = [one.replace(condensation=layer) for one in parents]
         assert same(found, "interpolation", held, share=painted.tolist())
         assert (found.city.heights[mask] == city.heights[mask]).all()
-        page.get_by_role("button", name="keep the child and a recipe").click()
+        page.get_by_role("button", name="save the child and a recipe").click()
         until(page, "studio.run.board.message.textContent.includes('evocity run')")
         command = page.locator("#pane-0-draw .evocity-command").inner_text()
         recipe = Path(command.removeprefix("evocity run "))
@@ -921,11 +921,12 @@ def test_the_token_leaves_the_address_and_the_cookie_stays_until_the_server_ends
         page.reload()
         until(page, "studio.run?.viewer")
     look(page)
-    until(page, "document.getElementById('trouble').textContent.includes('has ended')")
+    until(page, "document.getElementById('trouble').textContent.includes('no longer runs')")
     with running_server(folder, port=port) as server:
         context = page.context
         until(
-            page, "studio.trouble.textContent.includes('started again') || (studio.look(), false)"
+            page,
+            "studio.trouble.textContent.includes('that has ended') || (studio.look(), false)",
         )
         opened(server, context=context)
         look(page)

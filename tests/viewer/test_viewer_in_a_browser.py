@@ -173,7 +173,7 @@ def test_one_filter_in_both_views_and_in_python(opened):
     assert 0 < kept.sum() < COUNT
     assert (
         page.locator(".evocity-count").inner_text()
-        == f"{kept.sum()} of {COUNT} births pass, 0 chosen"
+        == f"{kept.sum()} of {COUNT} births pass the filter, 0 chosen"
     )
     rows = table.row_order("density")
     assert shown_ids(page) == table.ids[rows[kept[rows]]][: len(shown_ids(page))].tolist()
@@ -281,7 +281,7 @@ def test_what_python_sets_is_seen(opened):
         }"""
     )
     kept = table.matches({"operator": ["fusion"]})
-    told = f"{kept.sum()} of {COUNT} births pass, 2 chosen"
+    told = f"{kept.sum()} of {COUNT} births pass the filter, 2 chosen"
     assert page.locator(".evocity-count").inner_text() == told
     rows = table.row_order("height", True)
     assert shown_ids(page)[:20] == table.ids[rows[kept[rows]]][:20].tolist()

@@ -76,15 +76,15 @@ def test_brushes_are_made_plain():
     ("brushes", "told"),
     [
         ({"sise": (1, 2)}, "did you mean size"),
-        ({"size": (2, 1)}, "the lower first"),
+        ({"size": (2, 1)}, "the lower number first"),
         ({"size": [1, 2, 3]}, "two numbers"),
         ({"size": "ab"}, "two numbers"),
         ({"size": [(0, float("nan"))]}, "two numbers"),
         ({"size": True}, "two numbers"),
         ({"operator": ["d"]}, "some of"),
         ({"operator": 3}, "some of"),
-        (3, "a mapping of columns to brushes"),
-        ([("size", 1)], "a mapping of columns to brushes"),
+        (3, "a mapping from columns to filters"),
+        ([("size", 1)], "a mapping from columns to filters"),
     ],
 )
 def test_what_is_no_brush_is_refused(brushes, told):

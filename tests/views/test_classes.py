@@ -19,7 +19,7 @@ from evocity.citymap import CityMap
 from evocity.errors import MapError
 from evocity.pictures import render_classes
 from evocity.views.classes import ClassTable, packaged
-from evocity.views.classes.objects import features, low_objects
+from evocity.views.classes.classes import features, low_objects
 from evocity.views.classes.table import FEATURES
 from evocity.views.limit_tables import remainder
 
@@ -334,7 +334,7 @@ FAULTS = {
             ("large", "area = { from = 9 }"),
             ("low", "height = { below = 3 }"),
         ),
-        "it overlaps with 1 (small), 2 (large)",
+        "earlier entries, 1 (small), 2 (large), take all its objects",
     ),
     "twice the same": (table(TWO[1], ("again", "")), "entry 2, class again"),
     "what no object is": (

@@ -15,8 +15,8 @@ from evocity import isometries
 from evocity.citymap import CityMap
 from evocity.views.ground import WIDEST, distance_to_built, open_space, streets
 from evocity.views.ground._kernels import link_lengths, nest, thin, widths_across
-from evocity.views.ground.distance import nearest_built
 from evocity.views.ground.lines import DENT
+from evocity.views.ground.space import nearest_built
 
 BOTH = np.ones((3, 3))
 

@@ -159,5 +159,5 @@ def test_a_map_without_buildings_becomes_bare(shape):
 
 
 def test_a_mask_of_another_shape_is_refused():
-    with pytest.raises(MapError, match=r"keep of shape \(3, 4\)"):
+    with pytest.raises(MapError, match=r"'keep' has the shape \(3, 4\)"):
         settle(np.zeros((4, 4), np.float32), np.zeros((3, 4), bool))

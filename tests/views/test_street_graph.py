@@ -444,8 +444,8 @@ def test_every_street_is_of_one_kind(width, length):
         ("[[kind]]\nwidth = { from = 3 }", "name = None"),
         ("[[kind]]\nname = 'a'\n[places]\nwidth = 3", "places in a table"),
         ("[[kind]]\nname = 'a'\n[place]\nwide = 3", "wide of [place]"),
-        ("[[kind]]\nname = 'a'\n[place]\nwidth = 0", "width = 0 of [place]"),
-        ("[[kind]]\nname = 'a'\n[place]\nfilled = 2", "filled = 2 of [place]"),
+        ("[[kind]]\nname = 'a'\n[place]\nwidth = 0", "[place] has width = 0"),
+        ("[[kind]]\nname = 'a'\n[place]\nfilled = 2", "[place] has filled = 2"),
         ("[[kind", "no TOML"),
     ],
 )

@@ -14,11 +14,8 @@ _SCENES = (".glb", ".obj", ".wrl", ".x3d")
 
 
 def check_output(path: Path, source: str, suffixes: Collection[str] = ()) -> None:
-    """Raise `EvocityError`, before any work, if the file ``path`` cannot be written.
-
-    source : what the command reads; it is never overwritten.
-    suffixes : endings that ``path`` may have; any if there are none.
-    """
+    """Raise `EvocityError`, before any work, if ``path`` cannot be written, or is the
+    ``source``."""
     if suffixes and path.suffix.lower() not in suffixes:
         first = "write a .tif, then: evocity scene FILE.tif -o " + path.name
         raise EvocityError(
@@ -26,18 +23,32 @@ def check_output(path: Path, source: str, suffixes: Collection[str] = ()) -> Non
             f"a name that ends in {', '.join(sorted(suffixes))}",
             first if path.suffix.lower() in _SCENES else "choose another name after -o",
         )
+    with report_write_errors(path), contextlib.suppress(FileNotFoundError, NotADirectoryError):
+        os.stat(path)  # a loop of links, or a name that is too long
     if path.is_dir():
         raise EvocityError(
-            f"{str(path)!r} is a folder", "a file name", "add the name of a file in that folder"
+            f"{str(path)!r} is a folder",
+            "the name of a file",
+            "add the name of a file in this folder",
         )
     check_folder(path.parent)
     with contextlib.suppress(OSError):
         if path.samefile(source):
             raise EvocityError(
-                f"{str(path)!r} is both read and written",
-                "an output other than the input",
+                f"the file {str(path)!r} is both the input and the output",
+                "an output file that the command does not read",
                 "choose another name after -o",
             )
+
+
+def check_needs(name: str, needed: str, missing: bool) -> None:
+    """Raise `EvocityError` if the option ``needed`` by the option ``name`` is ``missing``."""
+    if missing:
+        raise EvocityError(
+            f"{name} is given without {needed}",
+            f"{name} only together with {needed}",
+            f"add {needed}, or leave {name} out",
+        )
 
 
 def check_genome_output(path: Path, *sources: str) -> None:
@@ -50,7 +61,7 @@ def check_genome_output(path: Path, *sources: str) -> None:
         raise EvocityError(
             f"{path.name} is the name of a map, not of a genome",
             "the name of a genome file, such as genome.parquet",
-            "choose a name that ends in .parquet; to write a map, use evocity decode",
+            "choose a name that ends in .parquet, or write a map with evocity decode",
         )
 
 
@@ -59,13 +70,13 @@ def check_folder(folder: Path) -> None:
     if not folder.is_dir():
         raise EvocityError(
             f"there is no folder {str(folder)!r}",
-            "a file name in an existing folder",
-            "make that folder first, or choose another name",
+            "the name of a file in an existing folder",
+            "create this folder first, or choose a file in another folder",
         )
     if not os.access(folder, os.W_OK | os.X_OK):
         raise EvocityError(
             f"this user may not write in the folder {str(folder)!r}",
-            "a folder this user may write to",
+            "a folder in which this user may create files",
             "change the permissions of the folder, or choose another folder",
         )
 
@@ -78,8 +89,8 @@ def report_write_errors(path: Path) -> Iterator[None]:
     except OSError as error:
         raise EvocityError(
             f"{str(path)!r} cannot be written: {reason_of(error)}",
-            "a folder this user may write to, with free space",
-            "check permissions and free space, or choose another place",
+            "enough free space, and a folder in which this user may create files",
+            "check permissions and free space, or write to another folder",
         ) from error
 
 
@@ -111,15 +122,14 @@ def check_block(city, block: int | tuple[int, int] | None) -> None:
         near = None if root is None else f"{finest}-{root}"
     options = [f"--pixels {side}"] * (side > 0) + [f"--block {near}"] * (near is not None)
     raise EvocityError(
-        f"{city.name}: {height} × {width} px do not fit range blocks of {block} px",
-        f"sides that are multiples of {block}",
+        f"{city.name}: {height} × {width} px cannot be divided into range blocks of {block} px",
+        f"a map whose sides are multiples of {block} px",
         f"give {' or '.join(options) or 'another window'}",
     )
 
 
 def check_zoom(pavement, zoom: float) -> None:
-    """Raise `EvocityError` if a genome of this ``pavement`` decodes at ``zoom`` to a map that is
-    too large."""
+    """Raise `EvocityError` if a genome of this ``pavement`` is too large at ``zoom``."""
     from evocity.citymap import MAX_PIXELS
 
     pixels = pavement.height * pavement.width * zoom**2
@@ -127,6 +137,6 @@ def check_zoom(pavement, zoom: float) -> None:
         most = (MAX_PIXELS / (pavement.height * pavement.width)) ** 0.5
         raise EvocityError(
             f"{setting('zoom', zoom)} makes a map of {pixels / 1e6:.0f} million pixels",
-            f"at most {MAX_PIXELS // 10**6} million",
+            f"a map of at most {MAX_PIXELS // 10**6} million pixels",
             f"choose a zoom below {most:.0f}",
         )

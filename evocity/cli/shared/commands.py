@@ -1,12 +1,16 @@
 """Groups of commands; exit codes and messages of errors, in the words of the command line."""
 
+import errno
 import os
+import sys
+import warnings
+from collections.abc import Callable
 
 import click
 
 from evocity.cli.shared.options import MAP_OPTIONS
 from evocity.cli.shared.terminal import echo
-from evocity.errors import EvocityError, RecipeError, replace_parameters
+from evocity.errors import EvocityError, RecipeError, reason_of, replace_parameters
 
 # A recipe's faults are printed all at once, up to so many bytes.
 _LONGEST_LIST = 20_000
@@ -30,6 +34,13 @@ class Commands(click.Group):
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(self.commands)
 
+    def main(self, *args, **kwargs):
+        warnings.formatwarning = lambda message, *_, **__: f"Warning: {message}\n"
+        for stream in (sys.stdout, sys.stderr):  # a console of cp1252 has no ×: it shows ?
+            if hasattr(stream, "reconfigure"):
+                stream.reconfigure(errors="replace")
+        return super().main(*args, **kwargs)
+
     def invoke(self, ctx: click.Context):
         # OpenBLAS's threads look for work, on all cores, long after a product of a few numbers
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -38,17 +49,28 @@ class Commands(click.Group):
         except EvocityError as error:
             command = self.commands[ctx.invoked_subcommand]
             raise InputFault(message_of(error, command)) from error
+        except OSError as error:  # for a file that no command has checked
+            if error.errno == errno.EPIPE:
+                raise
+            place = "the operating system refused" if error.filename is None else error.filename
+            fault = EvocityError(
+                f"{place}: {reason_of(error)}",
+                "files and folders that this user may use",
+                "check the names, the permissions and the free space",
+            )
+            raise InputFault(str(fault)) from error
         except KeyboardInterrupt as error:  # or another signal, which knows its exit code
             echo("\nStopped.", err=True)
             ctx.exit(getattr(error, "exit_code", 130))
 
 
-def message_of(error: EvocityError, command: click.Command) -> str:
-    """The message of an ``error`` in the words of a ``command``.
+def command(examples: str) -> Callable[[Callable], click.Command]:
+    """Declare a command whose help ends with ``examples``, and with any text below them."""
+    return click.command(epilog=f"\b\nExamples:{examples}")
 
-    It names the command's options in place of the library's parameters. Each part is one line,
-    whatever a measure of the user's own raised; the faults of a recipe have a line each.
-    """
+
+def message_of(error: EvocityError, command: click.Command) -> str:
+    """The message of an ``error`` with the options of a ``command`` in place of parameters."""
     parts = [_name_options(str(part), command) for part in error.args]
     if isinstance(error, RecipeError):
         return RecipeError(*parts).list_faults(_LONGEST_LIST)

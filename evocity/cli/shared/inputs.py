@@ -48,8 +48,8 @@ def _is_map(source: str) -> bool:
 
 
 def _refuse_missing(source: str) -> None:
-    """Raise `EvocityError` if ``source`` does not exist, and could be a run's folder by its name:
-    there is a folder before it, or a run with a similar name."""
+    """Raise `EvocityError` if ``source`` does not exist, and looks like the name of a run
+    folder."""
     path = Path(source)
     if path.suffix or os.path.lexists(source) or source in evocity.cities():
         return
@@ -69,9 +69,9 @@ def refuse_reading(what: str, reading: Mapping[str, object]) -> None:
     if reading:
         given = ", ".join("--" + key.replace("_", "-") for key in reading)
         raise EvocityError(
-            f"{given} has no use with {what}",
-            "no options for reading maps: a genome has its own size and heights",
-            f"leave {given} out, or encode the map again with this option",
+            f"{given} cannot be used with {what}",
+            "no options for reading maps, because a genome already has a size and heights",
+            f"leave out {given}, or encode the map again with {given}",
         )
 
 
@@ -79,10 +79,7 @@ def refuse_reading(what: str, reading: Mapping[str, object]) -> None:
 
 
 def city_of(source: str, reading: Mapping[str, object], identifier: int | None = None):
-    """The map in a map file, of a bundled name, or the one a genome decodes to.
-
-    reading : options of `evocity.read_map`; a genome, from a file or a run, takes none.
-    """
+    """The map in a file, of a bundled name, or of a genome, which takes no ``reading`` options."""
     if identifier is None and not is_code(source):
         _refuse_missing(source)
         city = evocity.read_map(source, **reading)
@@ -114,9 +111,9 @@ def genome_of(source: str, identifier: int | None):
             if is_folder
             else f"make a genome of the map: evocity encode {source} -o GENOME.parquet",
         )
-    from evocity.kinds.form_files import is_form, read_form
+    from evocity.kinds.form_files import read_chromosome
 
-    return read_form(source) if is_form(source) else evocity.read_genome(source)
+    return read_chromosome(source)
 
 
 def _individual(folder: str, identifier: int | None):
@@ -127,9 +124,9 @@ def _individual(folder: str, identifier: int | None):
     front = [row["id"] for g in last for row in run.members(g).to_pylist() if row["rank"] == 0]
     example = f"; for example --id {front[0]}, of the last front" if front else ""
     raise EvocityError(
-        f"{folder} is a run, with many genomes",
-        "--id N, the number of one individual",
-        f"find the number under the pictures of {Path(folder) / 'report.html'}, or in "
+        f"{folder} is a run folder, which contains many genomes",
+        "the option --id N, where N is the number of an individual",
+        f"look up the number under the pictures of {Path(folder) / 'report.html'}, or in "
         f"`evocity status {folder}`{example}",
     )
 
@@ -141,18 +138,15 @@ def fabric_in(genome, source: str):
     fabric = genome if isinstance(genome, Genome) else getattr(genome, "whole", None)
     if fabric is None:
         raise EvocityError(
-            f"{source} is a {genome.kind}, which has no range blocks",
-            "a genome of a city",
-            "leave the option out; evocity show draws the picture",
+            f"{source} is a {genome.kind}, and a {genome.kind} has no range blocks",
+            "a genome with range blocks, such as the genome of a city",
+            "draw the picture with evocity show, without options for range blocks",
         )
     return fabric
 
 
 def decode_genome(genome, source: str, identifier: int | None, zoom: float = 1.0):
-    """The map that a ``genome`` from ``source`` stands for, with a name that says so.
-
-    Raises `EvocityError` for a ``zoom`` of a shape or a site, which have one size.
-    """
+    """The named map of a ``genome``. Only fabrics have a ``zoom``; others raise `EvocityError`."""
     if getattr(genome, "kind", "fabric") == "fabric":
         name = source if identifier is None else f"{source} --id {identifier}"
         city = warn_unconverged(evocity.decode(genome, zoom=zoom), name).city
@@ -160,8 +154,8 @@ def decode_genome(genome, source: str, identifier: int | None, zoom: float = 1.0
     else:
         if zoom != 1:
             raise EvocityError(
-                f"{setting('zoom', zoom)} does not fit a {genome.kind}",
-                "a fabric, which decodes at any size",
+                f"{setting('zoom', zoom)} cannot be used with a {genome.kind}",
+                "the genome of a city fabric, because only city fabrics decode at any zoom",
                 f"leave {keyword('zoom')} out",
             )
         city = genome.city
@@ -170,8 +164,7 @@ def decode_genome(genome, source: str, identifier: int | None, zoom: float = 1.0
 
 
 def name_decoded(name: str, genome, source: str, identifier: int | None) -> str:
-    """The name of a decoded map in pictures and tables. It has the operator of a bred ``genome``,
-    since a child of one parent has its cities."""
+    """The name of a decoded map, with the operator of a bred ``genome``."""
     if identifier is None:
         operator = str(genome.made.get("operator", "encode"))
         bred = "" if operator == "encode" else f", {operator}"
@@ -190,15 +183,14 @@ def warn_unconverged(decoding, source: str):
 
 
 def place_at(run: str, at: str) -> dict:
-    """Where on Earth the source city ``at`` of a ``run`` lies, for ``replace``. Raises
-    `EvocityError` if ``run`` is not one, or has no such city."""
+    """Fields of the place on Earth of the source city ``at`` of a ``run``, for ``replace``."""
     if not is_run(run):
         raise EvocityError(
-            f"{setting('at', at)} does not fit {run}, which is not a run folder",
-            "the folder of a run, whose source cities lie on Earth",
+            f"{setting('at', at)} cannot be used with {run}, which is not a run folder",
+            "a run folder, because it contains the coordinates of the source cities",
             f"leave {keyword('at')} out",
         )
-    from evocity.analysis.georeference import place_of
+    from evocity.analysis.individual import place_of
 
     return place_of(evocity.open_run(run), at)
 
@@ -207,9 +199,7 @@ def place_at(run: str, at: str) -> dict:
 
 
 def measures_of(word: str) -> list:
-    """The measures that ``word`` names: one; all numbers of a function that returns several; or
-    those of a Python file, which is executed, or of a table of building types. Raises
-    `FitnessError`."""
+    """The measures that ``word`` names: a measure, a function, an executed file, or a table."""
     fitness = evocity.fitness
     if word.endswith((".py", ".toml")):
         return fitness.load_file(word)
@@ -222,11 +212,7 @@ def measures_of(word: str) -> list:
 
 
 def case_of(source: str, reading: Mapping[str, object], identifier: int | None = None):
-    """The `Case` to measure: the map as `city_of` returns it, and the genome of a genome.
-
-    An individual of a run also has its parents, and the run's source cities, for comparison. A
-    source city is its own parent.
-    """
+    """The `Case` to measure, with genome, parents and sources where ``source`` has them."""
     from evocity.fitness.check import Case
 
     city = city_of(source, reading) if identifier is None and not is_code(source) else None
@@ -248,14 +234,13 @@ def case_of(source: str, reading: Mapping[str, object], identifier: int | None =
 
 
 def individuals_of(sources: Sequence[str], identifiers: Sequence[int]) -> list[int | None]:
-    """The individual of each of ``sources``, None unless it is a run; --id names them in order.
-    Raises `EvocityError` for another number of them."""
+    """The individual of each of ``sources`` that is a run, by the --id in order; else None."""
     runs = sum(is_run(source) for source in sources)
     if identifiers and len(identifiers) != runs:
         raise EvocityError(
-            f"--id is given {len(identifiers)} × for {runs} run folders",
-            "--id N once for each run folder, in their order",
-            "give --id as often as there are run folders; without any, leave it out",
+            f"the numbers of --id ({len(identifiers)}) and of run folders ({runs}) differ",
+            "one --id N for each run folder, in the order of the run folders",
+            "write one --id for each run folder, or leave out --id if there is no run folder",
         )
     numbers = iter(identifiers)
     return [next(numbers, None) if is_run(source) else None for source in sources]
@@ -267,12 +252,8 @@ def parents_of(
     reading: Mapping[str, object],
     coding: Mapping[str, object],
 ) -> list:
-    """The genomes that ``sources`` stand for.
-
-    identifiers : the individual of each run folder among them, in order.
-    reading, coding : how maps are read (`evocity.read_map`) and coded (`evocity.encode`). Raises
-        `EvocityError` for either if no source is a map.
-    """
+    """The genomes of ``sources``: read, decoded from runs, or coded from maps. If no source is a
+    map, options of ``reading`` and ``coding`` raise `EvocityError`."""
     individuals = individuals_of(sources, identifiers)
     genomes = {
         place: genome_of(source, individuals[place])
@@ -301,8 +282,8 @@ def _encode_map(source: str, reading: Mapping[str, object], coding: Mapping[str,
     if Path(source).is_dir():
         raise EvocityError(
             f"{source} is a folder, but not the folder of a run",
-            "a genome file, a map, a bundled name, or a run folder with --id",
-            "name a file in it, or another folder",
+            "a genome file, a map file, the name of a bundled district, or a run folder with --id",
+            "name a file in this folder, or another folder",
         )
     city = evocity.read_map(source, **reading)
     note_reading(city, reading)
@@ -315,8 +296,7 @@ def _encode_map(source: str, reading: Mapping[str, object], coding: Mapping[str,
 
 
 def confirm_trust(run: Path, trust: bool) -> bool:
-    """Whether to execute what the ``run`` brings: ``trust``, or the user's answer, where there is a
-    terminal and something to ask for."""
+    """Whether to execute the files of ``run``: ``trust``, or the user's answer at a terminal."""
     if trust or not _at_terminal():
         return trust
     from evocity.search.preparation.trust import list_untrusted
@@ -327,7 +307,7 @@ def confirm_trust(run: Path, trust: bool) -> bool:
     if not brought:
         return False
     echo(
-        f"{run} was not started on this machine, and would execute its own files or commands:",
+        f"{run} was not started on this machine, and would execute files or commands:",
         err=True,
     )
     for text in brought:

@@ -1,7 +1,9 @@
 """Options of commands: a short way to declare one, and those that several commands share."""
 
+import contextlib
 import functools
-from collections.abc import Callable, Mapping
+import tomllib
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
 import click
@@ -120,45 +122,52 @@ _WINDOW = "[the file's own window, or the middle of the buildings]"
 MAP_OPTIONS = {
     "pixels": option(
         "--pixels",
-        "Side of the square window, pixels. [256 for footprints, a raster's own size]",
+        "Side of the square map window, in pixels. [256 for footprints, a raster's own size]",
         int,
     ),
     "metres_per_pixel": option(
         "--metres-per-pixel",
-        "Side of a pixel, metres. [2.0 for footprints, a GeoTIFF's own; PNG and NPY need it]",
+        "Side of a pixel, in metres. [2.0 for footprints, a GeoTIFF's own; PNG and NPY need it]",
         float,
     ),
     "center": option(
-        "--center LON LAT", f"Centre of the window, degrees, longitude first. {_WINDOW}", float
+        "--center LON LAT",
+        f"Centre of the map window in degrees, longitude first. {_WINDOW}",
+        float,
     ),
-    "layer": option("--layer", "Layer of a GeoPackage. [the buildings, if one layer has them]"),
+    "layer": option(
+        "--layer", "Layer to read from a GeoPackage. [the buildings, if one layer has them]"
+    ),
     "default_height": option(
-        "--default-height", "Height of buildings without a height in the file, metres. [6.0]", float
+        "--default-height",
+        "Height of buildings without a height in the file, in metres. [6.0]",
+        float,
     ),
     "height_scale": option(
         "--height-scale",
-        "Metres per grey level or unit of a raster. [1 for GeoTIFF and NPY; PNG needs it]",
+        "Height of one grey level, or of one unit of a raster, in metres. [1 for GeoTIFF and NPY; "
+        "PNG needs it]",
         float,
     ),
     "attribution": option(
         "--attribution TEXT",
-        "Attribution that the file's licence requires; all outputs keep it. Bundled districts have "
-        "their own. [from the file]",
+        "Attribution that the licence of the map file requires; all outputs contain this "
+        "attribution. Bundled districts already have an attribution. [from the file]",
     ),
 }
 
-pixels_option = option("--pixels", "Side of the square map, pixels.", int, 256)
-metres_option = option("--metres-per-pixel", "Side of a pixel, metres.", float, 2.0)
+pixels_option = option("--pixels", "Side of the square map, in pixels.", int, 256)
+metres_option = option("--metres-per-pixel", "Side of a pixel, in metres.", float, 2.0)
 centers_option = option(
     "--center LON LAT...",
-    f"Centre of a window, degrees: once per MAP, or once per MAP that is a file. {_WINDOW}",
+    "Longitude and latitude of the centre of a map window, in degrees. Give one centre for each "
+    "MAP, or one centre for each MAP that is a file. {_WINDOW}",
     float,
 )
 
 
 def add_options(command: Callable, options: Mapping[str, Callable], gather: Callable) -> Callable:
-    """Add ``options``, by the names of their parameters, to a ``command``; ``gather`` turns a
-    mapping of their values into keywords of the command."""
+    """Add ``options`` by parameter; ``gather`` turns their values into keywords of ``command``."""
 
     @functools.wraps(command)
     def gathered(**given):
@@ -187,25 +196,26 @@ def file_options(command: Callable) -> Callable:
 _CODING_OPTIONS = {
     "block": option(
         "--block SIDE|FINEST-LARGEST",
-        "Sides of the range blocks of coded maps, pixels. [as a genome among them, else 2-16]",
+        "Sides of the range blocks, in pixels, for maps that the command encodes. "
+        "[as a genome among them, else 2-16]",
         SIDES,
     ),
     "domains": option(
         "--domains N[,N…]",
-        "Sides of the domain blocks of coded maps, in range blocks. [2]",
+        "Sides of the domain blocks, as multiples of the range block's side, for maps that the "
+        "command encodes. [2]",
         NUMBERS,
     ),
     "reach": option(
         "--reach PIXELS|all",
-        "Largest distance of a domain block from its range block. [24]",
+        "Largest distance between a range block and its domain block, in pixels. [24]",
         REACH,
     ),
 }
 
 
 def parent_options(command: Callable) -> Callable:
-    """Add the options by which maps are read and coded; those given arrive as the mappings
-    ``reading`` and ``coding``."""
+    """Add the options of reading and coding maps; given ones are in ``reading`` and ``coding``."""
 
     def gather(values: Mapping) -> dict:
         source = click.get_current_context().get_parameter_source
@@ -219,7 +229,7 @@ def parent_options(command: Callable) -> Callable:
 
 def output_option(metavar: str, text: str, *, required: bool = True, default: str = "") -> Callable:
     """``-o``: the file to write; an existing one is overwritten. The help shows ``default``."""
-    text = f"{text}; overwritten if it exists." + f" [{default}]" * bool(default)
+    text = f"{text}. An existing file is overwritten." + f" [{default}]" * bool(default)
     return option(f"-o --output {metavar}", text, FILE, required=required)
 
 
@@ -233,16 +243,16 @@ json_option = flag(
 seed_option = option("--seed", "Seed of the random draws.", WHOLE, 0)
 count_option = option(
     "--count",
-    "Calls to count: of the pixel, of its most called domain block, or of the domain block of its "
-    "range block. [pixels]",
+    "Copies to count for each pixel: copies of the pixel, of its most copied domain block, or of "
+    "the domain block of its range block. [pixels]",
     click.Choice(["pixels", "domains", "ranges"]),
 )
-_PLACE = "[where all source cities lie, else nowhere on Earth]"
+_PLACE = "[the common place of all source cities, else no coordinates on Earth]"
 at_option = option(
-    "--at CITY", f"Source city of the run; the output gets its place on Earth. {_PLACE}"
+    "--at CITY", f"Source city of the run that gives the output coordinates on Earth. {_PLACE}"
 )
 
-_INDIVIDUAL = "Number of an individual of a run folder, as in the report and in `status`"
+_INDIVIDUAL = "Number of an individual in a run folder, as shown in the report"
 
 
 def one_id(identifiers: tuple) -> int | None:
@@ -272,28 +282,63 @@ required_id_option = _declare_id(WHOLE, required=True)
 
 def ids_option(use: str) -> Callable:
     """``--id`` of a command that takes several; ``use`` ends its help."""
-    return option("--id identifiers N...", f"{_INDIVIDUAL}; {use}.", int)
+    return option("--id identifiers N...", f"{_INDIVIDUAL}. {use}.", int)
 
 
 def settings_option(default: str) -> Callable:
     """``--set``; ``default`` says whose parameters stand unless they are set."""
-    text = (
-        "Parameter and its value in TOML; lists without outer brackets: 2,3 or [64,64],[256,256]."
-    )
-    return option("--set settings KEY=VALUE...", f"{text} [{default}]")
+    text = "Name of a parameter and its value, written in TOML. Write lists without outer brackets:"
+    lists = "2,3 or [64,64],[256,256]."
+    return option("--set settings KEY=VALUE...", f"{text} {lists} [{default}]")
+
+
+_WORDS = {"none": None, "true": True, "false": False}
+
+
+def settings_of(settings: tuple[str, ...], texts: Collection[str] = ()) -> dict[str, object]:
+    """Read parameters from ``KEY=VALUE`` each; those of ``texts`` stay text. Raises
+    `EvocityError`."""
+    values: dict[str, object] = {}
+    for setting in settings:
+        key, equals, value = setting.partition("=")
+        key = key.strip()
+        if not (equals and key and value.strip()) or key in values:
+            raise EvocityError(
+                f"--set {setting}, the second of {key}" if key in values else f"--set {setting}",
+                "KEY=VALUE, once for each parameter",
+                f"write for example --set {key or 'key'}=8; lists 2,3; none for nothing",
+            )
+        values[key] = value.strip() if key in texts else value_of(value.strip())
+    return values
+
+
+def value_of(text: str) -> object:
+    """Read a value as TOML; 2,3 is a list, none is None, other text is a word."""
+    if text.lower() in _WORDS:
+        return _WORDS[text.lower()]
+    for value in (text, f"[{text}]") if "," in text else (text,):
+        with contextlib.suppress(ValueError, RecursionError):  # TOML's own errors are the former
+            document = tomllib.loads(f"value = {value}")
+            if list(document) == ["value"]:  # else the text holds more than a value
+                return document["value"]
+    with contextlib.suppress(ValueError):
+        return float(text)  # TOML has no .5
+    if "," in text and not set(text) & set("[]{}\"'"):
+        return [value_of(part.strip()) for part in text.split(",") if part.strip()]
+    return text
 
 
 accept_changes_option = flag(
-    "--accept-changes", "Accept changed files of measures, maps or other inputs."
+    "--accept-changes", "Continue even if files of measures, maps or other inputs have changed."
 )
 trust_option = flag(
     "--trust",
-    "Execute the measures and commands that a run from another machine brings, without asking.",
+    "Execute the measures and commands of a run from another machine, without asking.",
 )
 until_option = option(
     "--until HH:MM",
-    "Time of day, or date with time (2026-11-25T07:00), at which the run ends; none: no end time. "
-    "[the recipe's]",
+    "Time of day, or date with time (2026-11-25T07:00), at which the run ends; the word none "
+    "means no end time. [the recipe's]",
 )
 
 
@@ -301,6 +346,7 @@ def cluster_option(default: str) -> Callable:
     """``--cluster``; ``default`` says which one is used unless it is given."""
     return option(
         "--cluster ADDRESS",
-        "Dask scheduler, such as tcp://host:8786; local:N starts N Dask workers; none: no cluster. "
-        f"Each Dask worker then has --workers processes. [{default}]",
+        "Address of a Dask scheduler, such as tcp://host:8786; local:N starts N Dask workers; the "
+        "word none means no cluster. Each Dask worker of a cluster starts --workers processes. "
+        "[{default}]",
     )

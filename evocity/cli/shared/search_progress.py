@@ -23,13 +23,12 @@ Start = Callable[[Callable[[str], None]], "evocity.Search"]
 
 
 def carry_out(start: Start, folder: Path, made: str = "") -> None:
-    """Go through all generations of a search in ``folder``, then write the report. ``made`` is
-    printed once the folder exists.
+    """Run a search in ``folder`` and write its report; print ``made`` once the folder exists.
 
-    Raises `RunFailed` if the run fails or the report cannot be written. Ctrl-C ends the program
-    with exit code 130, SIGTERM with 143 and SIGHUP with 129.
+    Raises `RunFailed`. Ctrl-C ends the program with exit code 130, SIGTERM with 143, SIGHUP with
+    129.
     """
-    from evocity.search.steering.signals import signals_raise
+    from evocity.search.steering.stop_rules import signals_raise
 
     try:
         with signals_raise():
@@ -85,11 +84,11 @@ def _continuation(reason, folder: Path) -> str:
 
 
 def _command_printer():
-    """An observer that prints executed and refused commands, failed notifications, births that
-    differ in a replay, and retries."""
+    """An observer that prints commands, failed notifications, differing births, retries, and that
+    a run has no workers."""
     from evocity.search import Observer
-    from evocity.search.record.commands import DONE, REFUSED, command_of
-    from evocity.search.record.diff import DIFFERS, describe_differences
+    from evocity.search.record.commands import ASIDE, DONE, REFUSED, command_of
+    from evocity.search.record.complete_run import DIFFERS, describe_differences
     from evocity.search.steering.notification import NOTIFIED
 
     class CommandPrinter(Observer):
@@ -101,6 +100,8 @@ def _command_printer():
                 say(f"as requested, from generation {details['generation']} on: {words}")
             if event == REFUSED:
                 note(f"a command was refused: {details['reason']}")
+            if event == ASIDE:
+                note(f"commands.jsonl has too many commands; it was moved to {details['file']}")
             if event == NOTIFIED and details["code"] != 0:
                 how = details.get("reason") or f"exit code {details['code']}"
                 note(f"notify.{details['on']} failed: {how}; {details['output']}".strip("; "))
@@ -110,6 +111,11 @@ def _command_printer():
                 note(f"birth {details['id']} differs when replayed: {differs}")
             if event == "retry":
                 note(details["reason"])
+            if details.get("protected") is False:  # at the start, and when the run goes on
+                note(
+                    "workers = 0: a measure that hangs, crashes or changes the process harms all "
+                    "births"
+                )
 
     return CommandPrinter()
 
@@ -178,8 +184,7 @@ def _print_estimate(folder: Path, search, generation) -> None:
 
 
 def _print_failures(folder: Path) -> None:
-    """Print how births failed, a line each; which recorded measures and constraints lack values;
-    and whether most births are equal."""
+    """Print the kinds of failures, measures without values, and whether births repeat."""
     from evocity.report import failures, repeated, unrecorded
 
     with contextlib.suppress(RunError):  # no generation was whole
@@ -193,8 +198,7 @@ def _print_failures(folder: Path) -> None:
 
 
 def goal_signs(recipe) -> dict[str, str]:
-    """The goal of each measure of a ``recipe``, by its name: ↑ more, ↓ less, →0.35 a target, →CITY,
-    and the bounds of constraints, ≥0.2 ≤0.4."""
+    """The goal by measure: ↑ more, ↓ less, →0.35 a target, →CITY, and bounds, ≥0.2 ≤0.4."""
     signs = {}
     for entry in recipe.fitness:
         bounds = ("≥", entry.min), ("≤", entry.max)
@@ -208,8 +212,7 @@ def goal_signs(recipe) -> dict[str, str]:
 
 
 def progress_line(generation, last: int, signs: Mapping[str, str]) -> str:
-    """Describe a ``generation``, as `Search` yields it, of 0…``last`` in one line. ``signs`` are
-    those of `goal_signs`."""
+    """Describe a ``generation`` of 0…``last`` in one line, with `goal_signs`."""
     left = timedelta(seconds=round(generation.seconds_left))
     living, feasible = len(generation.population), generation.feasible
     kept = [f"{feasible} of {living} living keep the constraints"] if feasible < living else []
@@ -241,10 +244,7 @@ def _volume(island: Mapping) -> str:
 
 @contextlib.contextmanager
 def blame_options(**given: object):
-    """Attribute a recipe's faults, within, to the options that caused them.
-
-    given : options that replace a recipe's values, None where it keeps its own.
-    """
+    """Attribute a recipe's faults, within, to the ``given`` options that caused them."""
     try:
         yield
     except RecipeError as error:

@@ -15,10 +15,7 @@ from evocity.errors import plain_text
 
 
 def echo(text: str = "", err: bool = False) -> None:
-    """Print one or more lines without control characters, see `plain_text`.
-
-    A name in a file or a measure must not steer the terminal: commands print all lines here.
-    """
+    """Print lines without control characters: a name in a file must not steer the terminal."""
     click.echo(plain_text(text, "\n"), err=err)
 
 
@@ -63,8 +60,7 @@ def relative_path(path: str) -> str:
 
 @contextlib.contextmanager
 def quiet_stdout() -> Iterator[None]:
-    """Send what measures of the user's own print, or compiled code beneath them, to standard error:
-    only the command writes to standard output."""
+    """Send what measures and compiled code print to standard error, not to standard output."""
     sys.stdout.flush()
     with contextlib.redirect_stdout(sys.stderr), contextlib.ExitStack() as undo:
         with contextlib.suppress(OSError):  # there may be no such descriptors
@@ -108,8 +104,7 @@ def note_compiling() -> None:
 
 
 def note_reading(city, reading: Mapping[str, object]) -> None:
-    """Say what part of its file a map shows, which heights were invented, and whether its window is
-    mostly empty."""
+    """Say what part of its file a map shows, and note default heights and empty windows."""
     from evocity.io import Request
 
     note(f"{city.name}: {city.taken}")
@@ -119,8 +114,7 @@ def note_reading(city, reading: Mapping[str, object]) -> None:
 
 
 def note_window(city, chosen_by: str) -> None:
-    """Say if most of a map of footprints lies outside its buildings' extent; ``chosen_by`` names
-    what chooses the window, with a verb."""
+    """Say if a window lies mostly beyond the buildings; ``chosen_by`` names what chooses it."""
     if not (city.height_rules and city.built.any()):
         return
     tall, wide = (_extent(city.built.any(axis=axis)) for axis in (1, 0))
@@ -133,8 +127,7 @@ def note_window(city, chosen_by: str) -> None:
 
 
 def note_heights(city, height: float, changed_by: str) -> None:
-    """Say how many buildings of a map have the default ``height``; ``changed_by`` names what
-    changes it, or is empty where the user chose it."""
+    """Say how many buildings have the default ``height``; ``changed_by`` names its option."""
     invented, count = city.height_rules.get("default", 0), sum(city.height_rules.values())
     if invented:
         alike = "; those that touch become one building" if invented > 1 else ""
@@ -152,8 +145,7 @@ def _extent(filled) -> int:
 
 @contextlib.contextmanager
 def progress_bar(text: str) -> Iterator[Callable[[int, int], None] | None]:
-    """On a terminal, yield a function that updates a bar on standard error, of (done, total);
-    elsewhere None."""
+    """On a terminal, yield a function of (done, total) that updates a bar; elsewhere None."""
     if not sys.stderr.isatty():
         yield None
         return

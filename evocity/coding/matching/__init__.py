@@ -7,11 +7,13 @@ e = ‖d̃‖², the energy explained with contrast σ is σ(2p − σe), greate
 """
 
 import functools
+import os
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from evocity.coding.matching.candidates import domain_blocks
+from evocity.coding.matching.candidates import Shapes, domain_blocks
 from evocity.coding.matching.domains import DomainPool
 from evocity.coding.matching.local_search import (
     best_correlations,
@@ -20,8 +22,6 @@ from evocity.coding.matching.local_search import (
     pairs_compared,
 )
 from evocity.coding.matching.matches import TIE, Matches, Search
-from evocity.coding.matching.shapes import Shapes
-from evocity.coding.matching.threads import Crew, available_cores
 from evocity.coding.matching.tiles import CHUNK, best_everywhere, cut_tiles
 from evocity.coding.parameters import Coding
 from evocity.coding.topology import Candidates
@@ -34,6 +34,46 @@ FEW = 256
 _BATCH = 1 << 17
 
 
+class Crew:
+    """A crew of ``threads`` threads, None for one per core; a single one is the caller's thread.
+    The end of its ``with`` block cancels work that has not begun."""
+
+    def __init__(self, threads: int | None):
+        self.threads = threads or available_cores()
+        # threads start with their first work; a caller that works too replaces one
+        self._helpers, self._all = (
+            [ThreadPoolExecutor(count) for count in (self.threads - 1, self.threads)]
+            if self.threads > 1
+            else [None, None]
+        )
+
+    def __enter__(self) -> "Crew":
+        return self
+
+    def __exit__(self, *_) -> None:
+        for pool in (self._helpers, self._all):
+            if pool:
+                pool.shutdown(wait=False, cancel_futures=True)
+
+    def begin(self, work: Callable, *arguments) -> Callable:
+        """Begin ``work`` in another thread, if there is one. Returns a function that waits for the
+        result; without another thread it does the work."""
+        if self._helpers:
+            return self._helpers.submit(work, *arguments).result
+        return functools.partial(work, *arguments)
+
+    def map(self, work: Callable, parts: Iterable) -> Iterator:
+        """Yield the results of ``work`` on each of ``parts``, in order; the caller waits."""
+        return self._all.map(work, parts) if self._all else map(work, parts)
+
+
+def available_cores() -> int:
+    """Count the cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 def best_matches(
     pools: Iterable[DomainPool],
     blocks: np.ndarray,
@@ -43,14 +83,10 @@ def best_matches(
     threads: int | None = 1,
     progress: Callable[[float], None] | None = None,
 ) -> Matches:
-    """Find the optimum over every domain block, isometry and size.
+    """Find the optimum over every domain block of ``pools`` (`domain_pools`), isometry and size.
 
-    Parameters
-    ----------
-    pools : the domain blocks, as `domain_pools` yields them.
     blocks : ``(n, B, B)`` range blocks, metres.
     corners : (y, x) of the range blocks' north-west pixels, ``(n,)`` each.
-    coding : gives the reach and the cap on \\|σ\\|.
     threads : threads to use; None for all cores. The result does not depend on it.
     progress : called with the rows of domain blocks done since the last call, on average.
 
@@ -77,13 +113,10 @@ def near_best(
     threads: int | None = 1,
     progress: Callable[[float], None] | None = None,
 ) -> Iterator[tuple[np.ndarray, Candidates]]:
-    """Find all domain blocks whose collage error is within ``tolerance`` of the best, a share of
-    ‖r̃‖².
-
-    Parameters are those of `best_matches`; ``matches`` is its result. Yields batches of range
-    blocks: their indices ``(n,)`` and their candidates. Of more than `MOST` domain positions in
-    one pool those of lowest (y, x) remain.
-    """
+    """Find all domain blocks whose collage error is within ``tolerance``, a share of ‖r̃‖², of the
+    best: the ``matches`` of `best_matches` with the same arguments. Yields batches: indices of
+    range blocks ``(n,)`` and their candidates; of each pool the `MOST` positions of lowest (y,
+    x)."""
     pixels = blocks.reshape(len(blocks), blocks.shape[-1] ** 2).astype(np.float64)
     shapes = _shapes_of(blocks, coding)
     of, first = shapes.of, shapes.first

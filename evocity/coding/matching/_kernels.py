@@ -1,9 +1,8 @@
 """Compiled comparison of range blocks with domain blocks, in tiles and in windows: arrays in,
 arrays out. Tests compare the results with an exhaustive search in tests/naive.py.
 
-Searches spend their time on the gain of one range block from many adjacent domain blocks. It is
-written out as vector code: compilers of loops leave four fifths of the machine unused here. All
-callees of kernels stand in this file, since the disk cache notices its changes only.
+The gain of one range block from many adjacent domain blocks takes most of the time, so it is vector
+code. All callees of kernels stand in this file, since the disk cache notices its changes only.
 """
 
 from functools import cache
@@ -121,11 +120,8 @@ def _sum_in_runs(v, sums, count, terms, add_products):
 def raise_gains(v, block, count, planes, y, x, norms, codes, i, cap, gains, line, j):
     """gains[line, j : j + count] = max(themselves, the energies of range block codes[i] explained
     by the unit domain blocks planes[y, :, x : x + count], of norms[y, x : x + count], under the
-    best of the 8 isometries, |σ| ≤ cap). In D4 coordinates (see evocity.coding.matching.domains)
-    all eight inner products come from 1.5 B² multiplications.
-
-    The compiler knows ``block`` and ``count``, a multiple of `WIDTH`.
-    """
+    best of the 8 isometries, |σ| ≤ cap). In D4 coordinates all eight inner products come from 1.5
+    B² multiplications. The compiler knows ``block`` and ``count``, a multiple of `WIDTH`."""
     code, norm, target = codes.at(i), norms.at(y, x), gains.at(line, j)
     for start in range(0, count, ABREAST * WIDTH):
         abreast = min(ABREAST, (count - start) // WIDTH)
@@ -188,11 +184,8 @@ def promises(v, parts, shares, t, ceilings, range_shares, norms, near, i):
 
 @kernel
 def products(blocks, vectors, out):
-    """out[i, j] = Σ blocks[i, k] · vectors[k, j], of (n, K) and (K, J).
-
-    BLAS would use its own threads, which wait for each other on a busy machine, and its last bits
-    depend on their number.
-    """
+    """out[i, j] = Σ blocks[i, k] · vectors[k, j], of (n, K) and (K, J). Threads of BLAS would wait
+    for each other on a busy machine, and its last bits depend on their number."""
     for i in range(blocks.shape[0]):
         for j in range(vectors.shape[1]):
             out[i, j] = 0
@@ -321,13 +314,10 @@ def window_kernels(block):
 
     @kernel
     def lane_maxima(planes, norms, codes, window, cap, band, lanes, best):
-        """best[i] = max(itself, the largest gain of range i); lanes[s, i, j], 0 before, becomes
-        the largest over the domains in column window.left + j, in the s-th ``band`` of rows from
-        window.top on.
-
-        ``window`` holds (top, bottom, left, right) of each range's domain positions; lanes beyond
-        the window, which pad the last `GROUP`, become 0 again.
-        """
+        """best[i] = max(itself, the largest gain of range i); lanes[s, i, j], 0 before, becomes the
+        largest over the domains in column window.left + j, in the s-th ``band`` of rows from
+        window.top on. ``window`` holds (top, bottom, left, right) of each range's domain positions;
+        lanes beyond it, which pad the last `GROUP`, become 0 again."""
         gains, count = lanes.reshape(-1, lanes.shape[2]), codes.shape[0]
         for start in range(0, count, NEIGHBOURS):
             end = min(start + NEIGHBOURS, count)
@@ -365,11 +355,9 @@ def window_kernels(block):
     @kernel
     def list_windows(planes, norms, codes, window, cap, best, band, near, which, down, across):
         """List the domain blocks with a gain of at least near[i]: block down[n], across[n] of the
-        pool for range which[n], as far as there is room. Returns their number.
-
-        ``best`` (bands, n, lanes) holds maxima over ``band`` rows from each window's top on. Only
-        positions where these attain near[i] are compared again, in groups of `GROUP`.
-        """
+        pool for range which[n], as far as there is room. Returns their number. Only positions where
+        ``best`` (bands, n, lanes), maxima over ``band`` rows from each window's top on, attains
+        near[i] are compared again, in groups of `GROUP`."""
         gains = np.empty((1, GROUP), np.float32)
         count = 0
         for i in range(codes.shape[0]):

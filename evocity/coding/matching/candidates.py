@@ -1,25 +1,22 @@
-"""Blocks as a search compares them: domain blocks of a pool, range blocks with norms of parts."""
+"""Blocks as a search compares them: domain blocks of a pool, range blocks with norms of parts, and
+shapes, which range blocks equal up to level, sign and isometry share."""
 
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
+from evocity import isometries
 from evocity.coding.matching.d4 import lowest, part_sizes, project, used_parts
 from evocity.coding.matching.domains import DomainPool
-from evocity.coding.matching.equivalence._kernels import kind_kernels
-from evocity.coding.matching.shapes import key_weights
+from evocity.coding.matching.equivalence._kernels import canonical, grouped, kind_kernels, uneven
 
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """n blocks of pixels, in the order of place.
-
-    raster : float64 ``(H, W)``, heights in m, with all their pixels.
-    offsets : uint64 ``(B²,)``, the distance in memory of each pixel from a block's first.
-    at : int64 ``(n,)``, the distance in memory of each block's first pixel from the raster's.
-    least : blocks of no more energy, m², count as flat.
-    """
+    """n blocks of pixels of a float64 ``raster`` ``(H, W)``, m, in the order of place: the first
+    pixel of each lies ``at`` (n,) from the raster's first in memory, the others ``offsets`` (B²,)
+    from there. Blocks of at most the energy ``least``, m², count as flat."""
 
     raster: np.ndarray
     offsets: np.ndarray
@@ -45,12 +42,9 @@ def domain_blocks(pool: DomainPool, doubles: bool = False) -> Blocks:
 
 @dataclass(frozen=True, eq=False)
 class RangeCodes:
-    """n range blocks for the search of a whole map; F parts of their norm.
-
-    codes : float32 ``(n, B²)``, D4 coordinates, m.
-    shares : float32 ``(n, F)``, norms of the parts (`used_parts`), m.
-    norms : float32 ``(n,)``, no less than ‖r̃‖, m.
-    """
+    """n range blocks for the search of a whole map: their D4 ``codes``, float32 ``(n, B²)``, m;
+    norms of their F parts (`used_parts`), ``shares``, ``(n, F)``, m; and ``norms`` of no less than
+    ‖r̃‖, ``(n,)``, m."""
 
     codes: np.ndarray
     shares: np.ndarray
@@ -85,3 +79,61 @@ def _parts(block: int) -> tuple[np.ndarray, np.ndarray]:
     members = own[:, :5].astype(float)
     members[:, 4] += own[:, 5]
     return own * vectors[:, None].astype(float), members
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """n blocks, each one of S shapes under a sign, an isometry and a level.
+
+    pixels, first : the shapes, float64 ``(S, B²)``, m above some level; the first block of each.
+    of : int64 ``(n,)``, the shape of each block.
+    iso, sign : isometry 0…7 and ±1, ``(n,)``, that turn the shape into the block, up to the level.
+    """
+
+    pixels: np.ndarray
+    first: np.ndarray
+    of: np.ndarray
+    iso: np.ndarray
+    sign: np.ndarray
+
+    @classmethod
+    def of_blocks(cls, blocks: np.ndarray) -> "Shapes":
+        """Find the shapes of ``(n, B, B)`` blocks. Differences must agree in every bit, so a search
+        for the shape is exact for all its blocks."""
+        count, size = blocks.shape[0], blocks.shape[-1]
+        flat = np.ascontiguousarray(blocks.reshape(count, size * size), np.float64)
+        shapes, keys, turned = np.empty_like(flat), np.empty(count), np.empty(count, np.uint8)
+        canonical(flat, isometries.sources(size), key_weights(size), shapes, keys, turned)
+        of, first = np.empty((2, count), np.int64)
+        slots = np.zeros(2 << count.bit_length(), np.int32)
+        first = first[: grouped(shapes, keys, slots, of, first)]
+        return cls(
+            pixels=shapes[first],
+            first=first,
+            of=of,
+            iso=isometries.INVERSE[turned % isometries.COUNT],
+            sign=np.where(turned < isometries.COUNT, 1.0, -1.0),
+        )
+
+    @classmethod
+    def one_each(cls, blocks: np.ndarray) -> "Shapes":
+        """Take each of ``(n, B, B)`` blocks as a shape."""
+        count, size = blocks.shape[0], blocks.shape[-1]
+        every, iso, sign = np.arange(count), np.zeros(count, np.uint8), np.ones(count)
+        return cls(blocks.reshape(count, size * size).astype(np.float64), every, every, iso, sign)
+
+
+def uneven_blocks(blocks: np.ndarray) -> np.ndarray:
+    """Tell which of ``(n, B, B)`` blocks have more than one height: bool ``(n,)``."""
+    count, size = blocks.shape[0], blocks.shape[-1]
+    mask = np.empty(count, bool)
+    uneven(blocks.reshape(count, size * size), mask)
+    return mask
+
+
+@cache
+def key_weights(block: int) -> np.ndarray:
+    """Draw weights of a block's pixels, ``(B²,)``: weighted sums of unlike blocks hardly agree."""
+    weights = np.random.default_rng(block).random(block * block)
+    weights.setflags(write=False)
+    return weights

@@ -18,13 +18,10 @@ UNCAPPED = np.float32(1e18)
 
 @dataclass(frozen=True, eq=False)
 class DomainPool:
-    """All domain blocks of side ``multiple``·B of a map with their first row in a band.
+    """All domain blocks of side ``multiple``·B of a map with their first row in a band: ``rows``
+    rows from ``top`` on. Blocks with at most the energy ``least``, m², count as flat.
 
-    block : B, px.
-    shrunk : float64 ``(H − m + 1, W − m + 1)``, means of m × m pixels (m = multiple) of the
-        whole map.
-    top, rows : first row of the band on the map, and number of its rows.
-    least : blocks of no more energy, m², count as flat.
+    shrunk : float64 ``(H − m + 1, W − m + 1)``, means of m × m pixels (m = multiple) of the map.
     exact : whether D4 coordinates come from float64, or from float32.
     """
 
@@ -50,20 +47,11 @@ class DomainPool:
             replace(self, top=self.top + first, rows=end - first) for first, end in pairwise(edges)
         ]
 
-    @property
-    def planes(self) -> np.ndarray:
-        """Float32 ``(rows, B², columns + LANES)``, D4 coordinates of the shrunk domain blocks
-        made zero-mean and of unit norm, d̃/‖d̃‖; 0 for flat domain blocks and in the padding."""
-        return self.folded[0]
-
-    @property
-    def norms(self) -> np.ndarray:
-        """Float32 ``(rows, columns + LANES)``, ‖d̃‖, m; 0 where planes are."""
-        return self.folded[1]
-
     @cached_property
     def folded(self) -> tuple[np.ndarray, np.ndarray]:
-        """Planes and norms, computed at the first access."""
+        """Planes, float32 ``(rows, B², columns + LANES)``: D4 coordinates of the shrunk domain
+        blocks made zero-mean and of unit norm, d̃/‖d̃‖; and norms ‖d̃‖, m, float32 ``(rows, columns
+        + LANES)``. Both are 0 for flat domain blocks and in the padding."""
         from evocity.coding.matching._kernels import LANES
         from evocity.coding.matching.d4_folding._kernels import fold
 
@@ -92,8 +80,7 @@ def domain_pools(
 
     ``domains`` are multiples m of B; sizes that do not fit the map are skipped. Domain blocks whose
     heights surely span less than ``flat`` metres count as flat. Without ``exact`` heights are
-    rounded to float32 first: this takes half the time, and precision is about 1e-7 of the heights
-    instead of their differences.
+    rounded to float32 first, in half the time: precision is then about 1e-7 of the heights.
     """
     from evocity.coding.matching._kernels import LANES
 
@@ -111,9 +98,3 @@ def domain_pools(
         step = max(1, memory // (4 * block**2 * (columns + LANES)))
         for top in range(0, rows, step):
             yield DomainPool(multiple, block, shrunk, top, min(step, rows - top), least, exact)
-
-
-def domain_pool(heights: np.ndarray, block: int, multiple: int, flat: float = 0.0) -> DomainPool:
-    """Put all domain blocks of one size in one pool; at least one must fit the map."""
-    (pool,) = domain_pools(heights, block, [multiple], flat, memory=1 << 62)
-    return pool

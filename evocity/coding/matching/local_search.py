@@ -26,10 +26,7 @@ def chunk_size(reach: int) -> int:
 
 def best_nearby(search: Search, corners, pool: DomainPool, part: slice, tolerance: float = 0.0):
     """Raise ``search.best`` of a chunk of range blocks by the domain blocks of ``pool`` in reach.
-
-    Returns (which of the chunk, y, x on the map) of all domain blocks within the ``tolerance`` (a
-    share of the range block's energy) and rounding of that best.
-    """
+    Returns the domain blocks near that best as `best_everywhere` does."""
     from evocity.coding.matching._kernels import window_kernels
 
     lane_maxima, list_nearby = window_kernels(search.block)
@@ -40,11 +37,11 @@ def best_nearby(search: Search, corners, pool: DomainPool, part: slice, toleranc
         return np.empty((3, 0), np.int64)
     cap = min(np.float32(search.cap), UNCAPPED)
     lane_maxima(
-        pool.planes, pool.norms, search.codes[part], window, cap, band,
+        *pool.folded, search.codes[part], window, cap, band,
         lanes, search.best[part],
     )  # fmt: skip
     which, y, x = list_places(
-        list_nearby, 3, pool.planes, pool.norms, search.codes[part], window, cap, lanes,
+        list_nearby, 3, *pool.folded, search.codes[part], window, cap, lanes,
         band, search.near(part, tolerance),
     )  # fmt: skip
     return which, y + pool.top, x
@@ -71,13 +68,16 @@ def best_correlations(
     reach: int | None = 12,
     flat: float = 0.1,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute ρ² between each range block of the pavement and its best domain block, with σ free.
+    """Compute ρ² between each range block of a uniform pavement and its best domain block.
 
-    Domain blocks have side D = B·``domains``, at every pixel position within ``reach`` px. H and W
-    must be multiples of ``block``.
+    The value ρ² is the share of a range block's variance that a domain block explains with any σ.
+    Domain blocks have the sides m·B for each m in ``domains``, and lie within ``reach`` px of their
+    range block. The sides of the map must be multiples of the range blocks' side B, the parameter
+    ``block``.
 
-    Returns ρ², float32 ``(n,)`` in 0…1, and the uniform range blocks, bool ``(n,)``. The heights of
-    a uniform range block span at most ``flat`` metres, and its ρ² is 0.
+    Returns ρ², float32 ``(n,)`` from 0 to 1, and a mask of uniform range blocks, bool ``(n,)``. A
+    range block is uniform if its heights span at most ``flat`` metres; the value ρ² of a uniform
+    block is 0.
     """
     from evocity.coding.matching._kernels import window_kernels
 
@@ -98,7 +98,7 @@ def best_correlations(
             band, lanes = _bands(window[part])
             if lanes.size:
                 lane_maxima(
-                    pool.planes, pool.norms, codes[part], window[part], UNCAPPED, band,
+                    *pool.folded, codes[part], window[part], UNCAPPED, band,
                     lanes, gain[part],
                 )  # fmt: skip
     rho2 = np.zeros(rows * columns, np.float32)

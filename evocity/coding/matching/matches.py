@@ -6,11 +6,10 @@ from functools import cached_property
 import numpy as np
 
 from evocity import isometries
-from evocity.coding.matching.candidates import RangeCodes
+from evocity.coding.matching.candidates import RangeCodes, Shapes
 from evocity.coding.matching.d4 import d4_codes
 from evocity.coding.matching.domains import DomainPool
 from evocity.coding.matching.exact_scores._kernels import rank, settle
-from evocity.coding.matching.shapes import Shapes
 from evocity.coding.parameters import Coding
 from evocity.coding.topology import Candidates
 
@@ -26,12 +25,9 @@ _ROOM = 16
 
 @dataclass(frozen=True, eq=False)
 class Matches:
-    """The best domain block of each of n range blocks: arrays ``(n,)``.
-
-    multiple (D/B), y, x (px), iso, sigma, beta (m); gain, energy (m², summed over the block):
-    the part of ‖r̃‖² that the match explains, and ‖r̃‖². Without a domain block that explains
-    anything, multiple, sigma and gain are 0 and beta is the block's mean.
-    """
+    """The best domain block of each of n range blocks, arrays ``(n,)``: multiple (D/B), y, x (px),
+    iso, sigma, beta (m), the gain (the part of ‖r̃‖² that it explains, m²) and the energy ‖r̃‖².
+    Without a domain block, multiple, sigma and gain are 0 and beta is the block's mean."""
 
     multiple: np.ndarray
     y: np.ndarray
@@ -51,14 +47,9 @@ class Matches:
 
 
 class Search:
-    """The state of a search for n range blocks ``(n, B²)``, updated pool after pool.
-
-    codes : float32 ``(n, B²)``, D4 coordinates of the blocks made zero-mean, m.
-    ranges : the same with the norms of their parts.
-    energy : float64 ``(n,)``, ‖r̃‖², m².
-    best : float32 ``(n,)``, the largest gain so far.
-    unsure : float32 ``(n,)``, the error of that gain.
-    """
+    """The state of a search for n range blocks ``(n, B²)``, updated pool after pool: their D4
+    ``codes`` (``ranges``, with norms of parts) and ``energy`` ‖r̃‖², m², made zero-mean; the
+    largest gain so far, ``best``, and its error, ``unsure``, float32 ``(n,)``."""
 
     def __init__(self, flat: np.ndarray, coding: Coding):
         count, pixels = flat.shape

@@ -1,8 +1,5 @@
-"""Residual errors of range blocks at every place of a map under their best domain blocks.
-
-The search takes all positions of range blocks and of domain blocks, in bands of rows, so memory
-does not grow with the map.
-"""
+"""Residual errors of range blocks at every place of a map under their best domain blocks, in bands
+of rows, so memory does not grow with the map."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -10,10 +7,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from evocity.coding.matching.candidates import Blocks, RangeCodes
+from evocity.coding.matching import Crew
+from evocity.coding.matching.candidates import Blocks, RangeCodes, Shapes
 from evocity.coding.matching.d4 import d4_basis
-from evocity.coding.matching.shapes import Shapes
-from evocity.coding.matching.threads import Crew
 from evocity.coding.matching.tiles import cut_tiles, raise_best
 
 #: Precision of µ and ρ²: the search sums in float32.
@@ -29,7 +25,7 @@ _BAND = 32 << 20
 #: Range blocks that a thread takes in one go.
 _CHUNK = 512
 
-Progress = Callable[[int, int], None]
+Progress = Callable[[float, int], None]
 
 
 def pairs(shape: tuple[int, int], block: int, extents: tuple[int, ...]) -> int:
@@ -44,15 +40,15 @@ def _positions(shape: tuple[int, int], extent: int) -> int:
 
 
 class Work:
-    """A count of the work done, which calls ``progress`` as it grows."""
+    """A count of the work done, rounded to ``digits``, which calls ``progress`` as it grows."""
 
-    def __init__(self, progress: Progress | None, total: int):
-        self.progress, self.total, self.done = progress, total, 0.0
+    def __init__(self, progress: Progress | None, total: int, digits: int | None = None):
+        self.progress, self.total, self.digits, self.done = progress, total, digits, 0.0
 
     def add(self, pairs: float) -> None:
         self.done += pairs
         if self.progress:
-            self.progress(min(round(self.done), self.total), self.total)
+            self.progress(min(round(self.done, self.digits), self.total), self.total)
 
 
 def least_errors(heights, block, extents, normalise, threads, work: Work):
@@ -102,11 +98,9 @@ def _bands(level: np.ndarray, extent: int, block: int) -> Iterator[slice]:
 
 def _ranges(level: np.ndarray, block: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Reduce the range blocks at all positions of a strip to shapes: range blocks that differ by
-    level, contrast and isometry only have the same ρ².
-
-    Returns ‖r̃‖²/B² of each position ``(n,)``; float32 codes of unit norm ``(shapes, B²)``; and
-    the shape of each position ``(n,)``, −1 for flat ones.
-    """
+    level, contrast and isometry only have the same ρ². Returns ‖r̃‖²/B² of each position ``(n,)``;
+    float32 codes of unit norm ``(shapes, B²)``; and the shape of each position ``(n,)``, −1 for
+    flat ones."""
     blocks = sliding_window_view(level, (block, block)).reshape(-1, block * block)
     share = blocks.var(axis=1)
     lowest, span = blocks.min(axis=1), np.ptp(blocks, axis=1)

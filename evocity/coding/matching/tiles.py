@@ -1,14 +1,13 @@
 """Tiles of similar domain blocks, with bounds on the energy that a tile can explain.
 
-The search of a whole map compares every range block with every domain block; a bound excludes
-most pairs. The isometries mix D4 coordinates only within the parts s1, s2, s3, s4 and (u, w) of a
-block (see `evocity.coding.matching.d4`). So for unit domain blocks, by Cauchy and Schwarz part by
+The bounds exclude most pairs of blocks from the search of a whole map. The isometries mix D4
+coordinates only within the parts s1, s2, s3, s4 and (u, w), each split in its lowest frequency and
+the rest (`evocity.coding.matching.d4`). So for unit domain blocks, by Cauchy and Schwarz part by
 part,
 
     max over isometries of |⟨r̃, iso d̃⟩|  ≤  Σ over parts of ‖r̃ part‖·‖d̃ part‖.
 
-Each part splits once more, into its lowest frequency and the rest. A tile's bound takes the
-greatest norm of its domain blocks. Similar blocks in a tile make the bound sharp: tiles are cut
+A tile's bound takes the greatest norm of its blocks. Similar blocks make it sharp, so tiles are cut
 from the Z-order curve (Morton 1966) through the norms that vary most.
 """
 
@@ -80,25 +79,16 @@ def cut_tiles(blocks: Blocks, sigma_max: float) -> Tiles:
     tops, peaks = np.zeros(count, np.float32), np.zeros((count, parts), np.float32)
     cap, row = min(np.float32(sigma_max), UNCAPPED), np.arange(0, count, ROW)
     lay_tiles(pixels, blocks.offsets, at, least, cap, planes, ceilings, shares, tops, peaks)
-    return Tiles(
-        planes,
-        ceilings,
-        shares,
-        tops,
-        peaks,
-        row_tops=np.maximum.reduceat(tops, row) if count else tops,
-        row_peaks=np.ascontiguousarray((np.maximum.reduceat(peaks, row) if count else peaks).T),
-        at=at,
-        width=blocks.raster.shape[1],
-    )
+    row_tops = np.maximum.reduceat(tops, row) if count else tops
+    row_peaks = np.ascontiguousarray((np.maximum.reduceat(peaks, row) if count else peaks).T)
+    most = tops, peaks, row_tops, row_peaks
+    return Tiles(planes, ceilings, shares, *most, at, blocks.raster.shape[1])
 
 
 def best_everywhere(search: Search, tiles: Tiles, part: slice, tolerance: float = 0.0):
-    """Raise ``search.best`` of a chunk of range blocks by all domain blocks in ``tiles``.
-
-    Returns (which of the chunk, y, x) of all domain blocks within the ``tolerance`` (a share of the
-    range block's energy) and rounding of that best; which ascends.
-    """
+    """Raise ``search.best`` of a chunk of range blocks by all domain blocks in ``tiles``. Returns
+    (which of the chunk, ascending, y, x) of all domain blocks within the ``tolerance`` (a share of
+    the range block's energy) and rounding of that best."""
     from evocity.coding.matching._kernels import tile_kernels
 
     ranges = search.ranges[part]
@@ -114,11 +104,9 @@ def best_everywhere(search: Search, tiles: Tiles, part: slice, tolerance: float 
 
 
 def raise_best(tiles: Tiles, ranges: RangeCodes, slack: np.ndarray, best: np.ndarray):
-    """Raise ``best`` (n,) to the largest gain of the range blocks in any tile.
-
-    Returns (tile, range block, gain) ``(m,)`` each, ascending by tile, wherever the largest gain
-    within a tile comes within ``slack`` (n,) of the best.
-    """
+    """Raise ``best`` (n,) to the largest gain of the range blocks in any tile. Returns (tile, range
+    block, gain) ``(m,)`` each, ascending by tile, wherever the largest gain within a tile comes
+    within ``slack`` (n,) of the best."""
     from evocity.coding.matching._kernels import ROOM, most_likely, tile_kernels
 
     codes, shares, norms = ranges.codes, ranges.shares, ranges.norms

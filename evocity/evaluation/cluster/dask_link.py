@@ -55,17 +55,14 @@ class SchedulerLost(Exception):
 
 
 class Link:
-    """A client of the scheduler at ``address``, or of an embedded cluster, "local:N".
-
-    Raises `RunError` if the extra ``cluster`` is not installed; `SchedulerLost` if no scheduler
-    answers.
-    """
+    """A client of the scheduler at ``address``, or of an embedded cluster, "local:N". Raises
+    `RunError` without the extra ``cluster``; `SchedulerLost` if no scheduler answers."""
 
     def __init__(self, address: str):
         if MISSING:
             raise RunError(
                 f"Dask is not installed ({MISSING})",
-                "evocity installed with its extra `cluster`",
+                "the package evocity, installed with the extra `cluster`",
                 "run pip install 'evocity[cluster]' here and on all machines of the cluster",
             )
         self._cleanup = contextlib.ExitStack()
@@ -114,9 +111,7 @@ class Link:
     def ask(
         self, function: Callable, sites: Sequence[str], *args, seconds: float = _ANSWER
     ) -> dict[str, Any]:
-        """Call a ``function`` at each of the ``sites``; returns its results, or the exceptions that
-        it raised. It runs in the worker's own thread, so it must be quick. Raises `SchedulerLost`.
-        """
+        """Call a quick ``function`` at each of the ``sites``; returns its results or exceptions."""
         return self._await(
             lambda: self._client.run(function, *args, workers=list(sites), on_error="return"),
             seconds,
@@ -246,8 +241,7 @@ def install(
     memory: int | None,
     dask_worker=None,
 ) -> int:
-    """Make the host ``name``, for the fields of a `Parcel`, by default with a seat for each thread
-    of the Dask worker. Returns the number of its seats."""
+    """Make the host ``name``, by default with a seat for each thread. Returns its seats."""
     import multiprocessing
 
     if multiprocessing.current_process().daemon and not linux_processes.LINUX:
@@ -274,8 +268,7 @@ def _hosts(worker) -> dict[str, Host]:
 
 
 def make_versions() -> Callable[[], dict[str, str | None]]:
-    """Make the function that returns the versions which decide the bits of births. It uses no name
-    of evocity, which the worker may not have."""
+    """Make the function that returns the versions which decide the bits, without using evocity."""
 
     def versions() -> dict:
         import hashlib

@@ -28,6 +28,7 @@ from evocity.evaluation.cluster.parcel import Parcel
 from evocity.evaluation.engine import Engine, Jobs
 from evocity.evaluation.evaluator import Outcome
 from evocity.evaluation.frames import write_frame
+from evocity.recipe.values import describe_reach
 
 #: Seconds of work in a chunk; the least seconds in the last chunks; the most bytes in a chunk.
 _CHUNK, _LEAST, _HEAVY = 0.1, 0.03, 1 << 23
@@ -80,6 +81,7 @@ class Cluster(Engine):
         retried: Callable[[str], None],
     ):
         self._parcel, self._address, self._seats = parcel, address, seats
+        self.notes = describe_reach(address)
         self._timeout, self._memory, self._retried = timeout, memory, retried
         self._name = f"{parcel.digest}-{uuid.uuid4().hex[:8]}"  # another search may do the same
         self._sites: dict[str, _Site] = {}
@@ -100,7 +102,7 @@ class Cluster(Engine):
             how = "any more, before a worker came" if connected else f"within {CONNECT:g} s"
             raise RunError(
                 f"no Dask scheduler answers at {address} {how} ({error})",
-                "a running scheduler, at an address that this machine can reach",
+                "the address of a running scheduler that this machine can reach",
                 "start a scheduler with: dask scheduler; or search on this machine with --cluster "
                 "none",
             ) from None
@@ -115,8 +117,7 @@ class Cluster(Engine):
         return {"engine": "dask", "cluster": self._address} | sizes
 
     def stream(self, method: str, jobs: Jobs) -> Iterator[tuple[int, Outcome]]:
-        """As `Engine.stream`. Raises `RunError` if the cluster is gone and does not come back in
-        time."""
+        """As `Engine.stream`. Raises `RunError` if the cluster does not come back in time."""
         if self._link is None:
             raise ValueError("the engine is closed")
         self._reset()
@@ -160,8 +161,7 @@ class Cluster(Engine):
         self._drawn = 0
 
     def _fetch(self) -> Iterator[tuple[int, Outcome]]:
-        """Draw the next jobs, enough for all seats; yields outcomes of jobs that pickle cannot
-        write."""
+        """Draw the next jobs for all seats; yields outcomes of jobs that pickle cannot write."""
         enough = _DEPTH * max(1, self.size) * self._most
         while self._feed is not None and len(self._waiting) < enough:
             job = next(self._feed, _END)
@@ -303,8 +303,9 @@ class Cluster(Engine):
                 raise self._unfit_error()
             if time.monotonic() > until:
                 raise RunError(
-                    f"no worker came to the Dask scheduler at {self._address} in {PATIENCE:g} s",
-                    "a cluster with workers",
+                    f"no worker came to the Dask scheduler at {self._address} within {PATIENCE:g} "
+                    "s",
+                    "a Dask cluster with at least one worker",
                     f"start workers with: dask worker {self._address}; then run: evocity resume "
                     "RUN",
                 )
@@ -348,8 +349,7 @@ class Cluster(Engine):
         more = f", and {len(self._left_out) - 1} more" if len(self._left_out) > 1 else ""
         return RunError(
             f"the Dask worker at {address} cannot be used{more}: {reason}",
-            "workers with the same versions of evocity, Python and libraries as here, so that "
-            "births are the same",
+            "workers with the same versions of evocity, Python and libraries as on this machine",
             "install the same versions on the workers' machines, and start the workers again",
         )
 

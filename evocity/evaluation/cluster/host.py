@@ -18,7 +18,7 @@ from evocity.evaluation.worker_pool import Workers
 #: Seconds without work after which a worker process ends; the next work starts another one.
 IDLE = 60.0
 #: Seconds of work in the batch that a worker takes.
-_BATCH = 0.02
+_BATCH = 0.1
 
 _compiling = threading.Lock()
 
@@ -29,8 +29,8 @@ class HostClosed(Exception):
 
 @dataclass
 class Answer:
-    """The answer to a chunk of jobs: their ``outcomes``, in order; the ``seconds`` of work;
-    ``notes`` on jobs that were done again; ``failed``: why workers cannot be started, or ""."""
+    """The answer to a chunk: ``outcomes`` in order, ``seconds`` of work, ``notes`` on jobs done
+    again, and why it ``failed``, or ""."""
 
     outcomes: list[Outcome | None]
     seconds: float = 0.0
@@ -48,8 +48,8 @@ class _Chunk:
 
 
 class Host:
-    """Hosts ``seats`` worker processes for a ``parcel``; each job has ``timeout`` seconds and
-    ``memory`` bytes, as in `Workers`. They start with the first job, and end when idle."""
+    """Hosts ``seats`` worker processes for a ``parcel``, with limits as in `Workers`. They start
+    with the first job, and end when idle."""
 
     def __init__(self, parcel: Parcel, seats: int, timeout: float, memory: int | None):
         self._parcel, self.seats = parcel, seats

@@ -16,12 +16,9 @@ from evocity.fitness.measure import content_hash
 
 @dataclass(frozen=True)
 class Parcel:
-    """A setup for another machine. ``setup``: the pickled `Setup`; ``files``: path there ->
-    content, for the user's own files of measures; ``sides``, ``parts``: the kernels to compile.
-
-    Only a worker process unpickles the setup: pickling a parcel pickles a call of `unpack`. So no
-    other process executes the user's code.
-    """
+    """A setup for another machine: pickled, with the user's files of measures by path, and the
+    kernels. Only a worker unpickles the setup, by `unpack`, so no other process executes the user's
+    code."""
 
     setup: bytes
     files: Mapping[str, bytes]
@@ -41,8 +38,7 @@ class Parcel:
 
 
 def parcel_of(setup: Setup, measures: Sequence[Measure]) -> Parcel:
-    """Make the parcel of a ``setup`` with these ``measures``. Raises `RunError` if a file of a
-    measure has changed since evocity executed it."""
+    """Make the parcel of a ``setup``. Raises `RunError` if a file of ``measures`` has changed."""
     named = {file for _, file in setup.measures if file is not None}
     files: dict[str, bytes] = {}
     for measure in measures:
@@ -54,8 +50,8 @@ def parcel_of(setup: Setup, measures: Sequence[Measure]) -> Parcel:
             sources = {}
         if content_hash(b"".join(sources.values())) != measure.source_hash:
             raise RunError(
-                f"{measure.file} has changed since evocity executed it",
-                "files of measures that do not change while a run starts",
+                f"the file {measure.file} has changed since evocity executed it",
+                "files of measures that stay unchanged while a run starts",
                 "start the run again",
             )
         files |= sources
@@ -63,12 +59,8 @@ def parcel_of(setup: Setup, measures: Sequence[Measure]) -> Parcel:
 
 
 def unpack(packed: bytes, files: Mapping[str, bytes]) -> Setup:
-    """Unpickle the setup of a parcel, in a worker process.
-
-    If all ``files`` exist here with the same content, the setup stays as it is. Otherwise it writes
-    them into a new temporary folder, and the setup names the copies; its ``moved`` maps the folders
-    of the copies to the original ones.
-    """
+    """Unpickle the setup of a parcel, in a worker process. Missing or other ``files`` are copied to
+    a temporary folder; ``moved`` maps the copies' folders to the originals."""
     setup = unpickle(packed)
     if all(_is_here(path, content) for path, content in files.items()):
         return setup

@@ -1,9 +1,8 @@
 """Checks of your own measure: trials on maps, findings with remedies, and cost.
 
 - `trial`: `check`, which tries a measure on maps
-- `faults`, `findings`: the faults of a measure, and the report of its trials
-- `observed_call`: one observed call of a measure on a `Case`
-- `side_effects`: changes to the map by a call
+- `faults`: the faults of a measure as findings, and the report of its trials
+- `observed_call`: one observed call of a measure on a `Case`, and its changes to the map
 - `cost`: the time that measures take
 """
 

@@ -1,4 +1,4 @@
-"""One observed call of a measure: its result, time, output, warnings, and the line it hung at."""
+"""One observed call of a measure: result, time, output, warnings, and side effects on the map."""
 
 import contextlib
 import ctypes
@@ -11,8 +11,10 @@ import time
 import tracemalloc
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, is_dataclass, replace
 from types import FrameType
+
+import numpy as np
 
 from evocity.citymap import CityMap
 from evocity.fitness.measure import Measure, line_in
@@ -248,3 +250,56 @@ class _Recorder(io.TextIOBase):
 def same_value(first: float, second: float) -> bool:
     """Check whether two values are the same number, or both NaN."""
     return first == second or (math.isnan(first) and math.isnan(second))
+
+
+def list_writable(city: CityMap) -> list[str]:
+    """List heights and views that are writable, by name: ``city.buildings.area``.
+
+    Private fields of a view may be writable from the start, and do not count.
+    """
+    paths = {}
+    for name, value in vars(city).items():
+        for path, array, _ in _pairs(f"city.{name}", value, value, private=False):
+            if isinstance(array, np.ndarray) and array.flags.writeable:
+                paths[path] = True
+    return list(paths)
+
+
+def list_changes(city: CityMap, fresh: CityMap, *, views: bool) -> list[str]:
+    """List the fields of ``city`` that differ in any bit from those of a ``fresh`` map with the
+    original heights, by name.
+
+    ``views`` also compares the views that ``city`` holds, which ``fresh`` computes again.
+    """
+    paths = {}
+    for name in {**vars(fresh), **(vars(city) if views else {})}:
+        held, right = vars(city).get(name), getattr(fresh, name, None)
+        for path, value, other in _pairs(f"city.{name}", held, right):
+            if not _equal(value, other):
+                paths[path] = True
+    return list(paths)
+
+
+def _pairs(path: str, held, right, *, private: bool = True) -> Iterator[tuple[str, object, object]]:
+    """Pair the values ``held`` with those of the ``right`` map, within tuples and tables such as
+    `Buildings`, each with its path; ``private`` includes private fields."""
+    if type(held) is type(right) and is_dataclass(held) and hasattr(held, "__dict__"):
+        for name, value in vars(held).items():  # cached properties too
+            hidden = name.startswith("_")
+            if private or not hidden:
+                inner = path if hidden else f"{path}.{name}"
+                yield from _pairs(inner, value, getattr(right, name, None), private=private)
+    elif isinstance(held, tuple) and isinstance(right, tuple) and len(held) == len(right):
+        for value, other in zip(held, right, strict=True):
+            yield from _pairs(path, value, other, private=private)
+    else:
+        yield path, held, right
+
+
+def _equal(held, right) -> bool:
+    if type(held) is not type(right):
+        return False
+    if isinstance(held, np.ndarray):
+        same_kind = held.dtype == right.dtype and held.shape == right.shape
+        return same_kind and held.tobytes() == right.tobytes()
+    return held == right

@@ -12,19 +12,16 @@ from evocity import isometries
 from evocity.citymap import CityMap
 from evocity.coding.encode import encode
 from evocity.errors import FitnessError
-from evocity.fitness.check.faults import (
-    of_all,
-    of_call,
-    of_change,
-    of_codes,
-    of_difference,
-    of_maps,
-    of_nan,
-    of_value,
+from evocity.fitness.check import faults
+from evocity.fitness.check.faults import Change, Finding, Report, Trial
+from evocity.fitness.check.observed_call import (
+    Call,
+    Case,
+    list_changes,
+    list_writable,
+    observe,
+    same_value,
 )
-from evocity.fitness.check.findings import Change, Finding, Report, Trial
-from evocity.fitness.check.observed_call import Call, Case, observe, same_value
-from evocity.fitness.check.side_effects import list_changes, list_writable
 from evocity.fitness.measure import Measure
 
 #: Time above which a measure runs twice only on the first map, seconds.
@@ -65,9 +62,9 @@ def check(
     given = [city if isinstance(city, Case) else Case(city) for city in maps]
     if not given:
         raise FitnessError(
-            f"there is no map to try {measure.name} on",
+            f"the list of maps for the trial of {measure.name} is empty",
             "at least one map",
-            'give for example [evocity.read_map("lyon-1er")]',
+            'pass a list of maps, for example [evocity.read_map("lyon-1er")]',
         )
     if "reference" in measure.needs:
         measure = measure.bound(given[0].city)
@@ -122,26 +119,26 @@ class _TrialRun:
         failed = "timed out" if timed_out else "failed" if call.error else ""
         reason = failed or getattr(call.value, "reason", "")
         trials.append(Trial(name, call.value, reason, call.seconds))
-        self._note(name, *of_call(measure, call, name, first=first))
+        self._note(name, *faults.of_call(measure, call, name, first=first))
         if timed_out:
             raise call.error
         twice = first or call.seconds < _QUICK
         writable = list_writable(fresh.city)
         changed = list_changes(fresh.city, case.fresh().city, views=views and twice)
         if writable or changed:
-            self._note(name, of_change(measure, writable, changed, name))
+            self._note(name, faults.of_change(measure, writable, changed, name))
         if call.value is None:
             return
-        self._note(name, *of_value(measure, call.value, name))
+        self._note(name, *faults.of_value(measure, call.value, name))
         if call.line:
-            self._note(name, of_nan(measure, call.line, name))
+            self._note(name, faults.of_nan(measure, call.line, name))
         if twice:
             second = self._call(case.fresh())
             if isinstance(second.error, TimeoutError):
-                self._note(name, *of_call(measure, second, name, first=False))
+                self._note(name, *faults.of_call(measure, second, name, first=False))
                 raise second.error
             if second.value is None or not same_value(call.value, second.value):
-                self._note(name, of_difference(measure, call.value, second.value, name))
+                self._note(name, faults.of_difference(measure, call.value, second.value, name))
 
     def measure_changed(self, cases: Sequence[Case]) -> None:
         """Measure the first map that has a value again: memory, other positions, half
@@ -173,10 +170,10 @@ class _TrialRun:
     def conclude(self) -> Report:
         """Complete the report, with one finding for the same fault on several maps."""
         report = self._report
-        self._note("", *of_all(self._measure, report.trials))
+        self._note("", *faults.of_all(self._measure, report.trials))
         tried = list(zip(self._given, report.trials, strict=False))
-        self._note("", *of_maps(self._measure, [trial for _, trial in tried]))
-        self._note("", *of_codes(self._measure, tried))
+        self._note("", *faults.of_maps(self._measure, [trial for _, trial in tried]))
+        self._note("", *faults.of_codes(self._measure, tried))
         for finding, maps in self._findings.values():
             if others := len(maps) - 1:
                 more = f"; likewise on {others} more map{'s' * (others > 1)}"

@@ -37,28 +37,16 @@ def pair_blocks(
     topological collage: Marsault 2005 §2.1); of equals the same place, else the lowest (y, x, iso).
     Of more than `MOST` only the first in that order count.
 
-    Parameters
-    ----------
-    heights, others : float32 ``(H, W)``, metres: maps on one ``pavement``.
-    flat : bool ``(n,)``: blocks of ``others`` that are level and coded so. All flat blocks of a
+    heights, others : maps on one ``pavement``, float32 ``(H, W)``, metres.
+    flat : blocks of ``others`` that are level and coded so, bool ``(n,)``. All flat blocks of a
         level are equivalent: the same place wins, else the first of the level.
-    which : int64 ``(m,)``: the range blocks of ``heights`` to pair.
+    which : the range blocks of ``heights`` to pair, int64 ``(m,)``.
     isometries : whether to compare under all 8.
-    alike : metres, 0 or more.
 
-    Returns
-    -------
-    index, iso : int64 ``(m,)`` each: the which[i]-th block is closest to the index[i]-th of
-        ``others`` under isometry iso[i].
-
-    The result is exact: it equals a comparison of all pairs, in float32.
+    Returns index and isometry of the closest block for each of ``which``, int64 ``(m,)``. The
+    result is exact: it equals a comparison of all pairs, in float32.
     """
-    cut = (pavement.blocks(raster).reshape(len(pavement), -1) for raster in (heights, others))
-    return _pair_cut(heights, others, *cut, pavement, flat, which, isometries, alike)
-
-
-def _pair_cut(heights, others, ours, theirs, pavement, flat, which, isometries, alike):
-    """`pair_blocks` of maps whose range blocks, ``(n, B²)``, are cut already."""
+    ours, theirs = (_cut(pavement, raster) for raster in (heights, others))
     (relief,) = np.nonzero(~flat)
     groups = _group_blocks(relief, theirs[relief]) if relief.size else None
     images = sources(pavement.block)[: 8 if isometries else 1].astype(np.int64)
@@ -100,9 +88,9 @@ def pair_cells(
     """
     index, iso = np.arange(len(grid)), np.zeros(len(grid), np.int64)
     which = index.copy() if where is None else np.flatnonzero(where)
-    ours, theirs = (grid.blocks(raster).reshape(len(grid), -1) for raster in maps)
-    flat = level_cells(grid, second, theirs)
-    index[which], iso[which] = _pair_cut(*maps, ours, theirs, grid, flat, which, isometries, alike)
+    flat = level_cells(grid, second, _cut(grid, maps[1]))
+    how = {"isometries": isometries, "alike": alike}
+    index[which], iso[which] = pair_blocks(*maps, grid, flat, which, **how)
     return index, iso
 
 
@@ -117,7 +105,7 @@ def pieces_of(grid: Pavement, whose, index: np.ndarray, iso: np.ndarray) -> Piec
 def mosaic(grid: Pavement, heights: np.ndarray, index: np.ndarray, iso: np.ndarray) -> np.ndarray:
     """Lay a map ``(H, W)`` whose cell i is the index[i]-th of ``heights`` (H, W), turned by
     iso[i]."""
-    pixels = grid.blocks(heights).reshape(len(grid), -1)[index]
+    pixels = _cut(grid, heights)[index]
     (turned,) = np.nonzero(iso)
     images = sources(grid.block)[iso[turned]]
     pixels[turned] = np.take_along_axis(pixels[turned], images, axis=1)
@@ -129,6 +117,11 @@ def level_cells(grid: Pavement, genome: Genome, blocks: np.ndarray) -> np.ndarra
     level: bool ``(n,)``."""
     flat = grid.blocks(genome.pavement.raster(genome.uniform)).all(axis=(1, 2))
     return flat & (blocks == blocks[:, :1]).all(axis=1)
+
+
+def _cut(grid: Pavement, heights: np.ndarray) -> np.ndarray:
+    """Cut a map (H, W) into cells, ``(n, B²)``."""
+    return grid.blocks(heights).reshape(len(grid), -1)
 
 
 def _traits(blocks: np.ndarray) -> np.ndarray:

@@ -65,12 +65,9 @@ def alike_blocks(
     stay; in no order.
 
     count[i] = 0 where flat[i], the squared distance to the closest flat block, is below all
-    others; if it equals the least, flat_here[i] decides.
-
-    The comparison is between ``blocks`` (n, B²) and ``groups`` (G, pixels · LANES), padded with
-    zeros beyond B², of indices ``members`` (G, LANES), −1 for none. No isometry changes traits[i],
-    B · mean and the norm of the rest. ``corners`` (4, G) bound the traits of each group: no block
-    of it is closer than that rectangle.
+    others; if it equals the least, flat_here[i] decides. Arguments ``groups``, ``members`` and
+    ``corners`` are as from `_group_blocks`: no block of a group is closer than its rectangle of
+    traits.
     """
     images = np.zeros((sources.shape[0], groups.shape[1] // LANES), np.float32)
     gaps, least_of = np.empty(LANES, np.float32), np.empty(LANES, np.float32)

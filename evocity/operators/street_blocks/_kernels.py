@@ -15,24 +15,17 @@ SPARE = WIDTH
 def best_fit(
     sums, components, covered, stale, block, weights, density, least, spread, draws, affine, taken
 ):
-    """Find the best place of a donor for a street block, without components partly outside.
+    """Find the best place of a donor for a street block, without components partly outside:
+    isometry (-1 if nothing fits), top, left and score.
 
-    sums : float32 ``(2, R, n)``: number of built cells left of each border in each row of the
-        donor's cells; even borders, then odd ones; then at least `SPARE` items.
-    components : int32 ``(R, C)``, number of the component in each of the donor's cells, 0 for
-        ground.
-    covered : int64 ``(n,)``, number of cells of each component.
-    stale : float32 ``(R, C)``, discount of a built cell.
-    block : bool ``(r, c)``, the cells of the street block.
-    weights : float32 ``(r, c)``, score of a built cell; 0 outside the block.
-    density : the ideal share of built cells.
+    sums : result of `row_sums`, with at least `SPARE` items after each row.
+    components, covered, stale : as in `StreetBlocks` and `row_sums`.
+    block, weights, density : as in `Room`.
     least : the least number of built cells, without components partly outside.
     spread : places are drawn whose score is within this of the isometry's best.
     draws : float64 ``(8, k)``, 0…1: k draws of such places under each isometry.
     affine : `evocity.isometries.AFFINE`.
     taken : int64 ``(4,)``, top, left, bottom, right: places that overlap this are illegal.
-
-    Returns isometry (-1 if nothing fits), top, left and score of the best.
     """
     rows, columns = components.shape
     counts = np.zeros(covered.size, np.int64)
@@ -70,12 +63,10 @@ def best_fit(
 def stones_of_cells(index, top, left, side, turn, city, source_y, source_x, affine, cell, found):
     """Find the origin of each cell of a map: a square of a source city.
 
-    index : int32 ``(H, W)``, the range block at each pixel.
-    top, left, side : of the range blocks, px.
-    turn, city, source_y, source_x : of the lifs: the isometry of its origin, the number of its
-        city, -1 for the void, and the origin's north-west corner there, px.
-    affine : `evocity.isometries.AFFINE`.
-    cell : side of the cells, px, at most that of the finest range block.
+    index, top, left, side : the range block at each pixel, and its place, px.
+    turn, city, source_y, source_x : isometry of a lifs' origin, number of its city, -1 for the
+        void, and the origin's north-west corner there, px.
+    affine, cell : `evocity.isometries.AFFINE`, and the side of cells, px.
     found : int32 ``(3, R, C)``, becomes city, row and column of each, in cells.
     """
     for i in range(found.shape[1]):
@@ -117,15 +108,10 @@ def row_sums(built, stale, sums):
 
 @kernel
 def lay_cells(heights, whose, row, column, iso, affine, cell, laid):
-    """Lay cells of several maps, turned.
+    """Lay cells of ``cell`` px of several maps, float32 ``heights`` ``(n, H, W)``, into ``laid``.
 
-    heights : float32 ``(n, H, W)``.
-    whose : int64 ``(R, C)``, map of each cell; n for bare ground.
-    row, column : int64 ``(R, C)``, the cell of that map.
-    iso : uint8 ``(R, C)``, its isometry.
-    affine : `evocity.isometries.AFFINE`.
-    cell : side of the cells, px.
-    laid : float32 ``(H, W)``, becomes the map.
+    Each cell of ``laid`` shows a cell at ``row`` and ``column`` of the map ``whose``, n for bare
+    ground, under an isometry ``iso``; ``affine`` is `evocity.isometries.AFFINE`.
     """
     last = cell - 1
     for i in range(whose.shape[0]):
@@ -221,12 +207,8 @@ def _scores(sums, runs, density, tops, lefts):
 
 @kernel
 def _overlaps(top, left, size, taken):
-    return (
-        top < taken[2]
-        and top + size[0] > taken[0]
-        and left < taken[3]
-        and left + size[1] > taken[1]
-    )
+    before = top < taken[2] and left < taken[3]
+    return before and top + size[0] > taken[0] and left + size[1] > taken[1]
 
 
 @kernel

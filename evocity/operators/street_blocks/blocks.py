@@ -9,24 +9,22 @@ import scipy
 from evocity.citymap import CityMap
 from evocity.pavement import Pavement
 from evocity.views.buildings import CRUMB
-from evocity.views.ground.distance import nearest_built
+from evocity.views.ground.space import nearest_built
 
 
 @dataclass(frozen=True, eq=False)
 class StreetBlocks:
     """The street blocks of a map, on the cells of a grid ``(R, C)``.
 
-    Middle lines between built components cut the ground: each cell belongs to the nearest
-    component. Components that share a cell are one. So no building crosses the border of a block,
-    and borders follow the middle lines of streets. Components too small for a building (`CRUMB`)
-    have no block; each lies wholly in one block.
+    Each cell belongs to the nearest built component; components that share a cell are one. So no
+    building crosses the border of a block, and borders follow the middle lines of streets.
+    Components too small for a building (`CRUMB`) have no block; each lies wholly in one block.
 
     labels : int32 ``(R, C)``: 1…n, the block of each cell; 0 everywhere if nothing is built.
     built : bool ``(R, C)``: whether anything is built in a cell, crumbs included.
     area, covered : int64 ``(n + 1,)``: number of cells of each block, and of its component.
     components : int32 ``(R, C)``: the block whose component stands in each cell, 0 on ground and
         on crumbs.
-    rooms : cache of `Room.of`.
     """
 
     labels: np.ndarray

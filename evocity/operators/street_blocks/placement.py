@@ -8,7 +8,7 @@ import scipy
 
 from evocity import isometries
 from evocity.operators.street_blocks.blocks import StreetBlocks
-from evocity.views.ground.distance import nearest_built
+from evocity.views.ground.space import nearest_built
 
 #: Draws of places under each isometry.
 _DRAWN = 4
@@ -19,8 +19,7 @@ class Room:
     """A street block to be filled.
 
     top, left : its north-west corner, in cells.
-    block : bool ``(r, c)``, the cells for buildings.
-    ring : bool ``(r, c)``, its other cells, which a wider street takes.
+    block, ring : cells for buildings, and cells that a wider street takes, bool ``(r, c)``.
     weights : float32 ``(r, c)``, the score of each cell if built; 0 outside.
     density : the share of its cells under its own buildings.
     """
@@ -37,12 +36,8 @@ class Room:
         """Make the room of street block ``number`` of ``host``, with the weights of `best_place`;
         its streets grow by ``widened`` cells. A cache keeps it as long as ``host`` lives."""
         key = int(number), facades, widened
-        if key not in host.rooms:
-            host.rooms[key] = cls._of(host, *key)
-        return host.rooms[key]
-
-    @classmethod
-    def _of(cls, host: StreetBlocks, number: int, facades: float, widened: int) -> "Room":
+        if key in host.rooms:
+            return host.rooms[key]
         whole = host.labels == number
         top, left, bottom, right = _bounds(whole)
         within = np.s_[top:bottom, left:right]
@@ -55,7 +50,9 @@ class Room:
             around = squares > widened**2
         block = around[1:-1, 1:-1] & whole[within]
         ring = whole[within] & ~block
-        return cls(top, left, block, ring, _weights(block, around, own, facades), density)
+        weights = _weights(block, around, own, facades)
+        host.rooms[key] = cls(top, left, block, ring, weights, density)
+        return host.rooms[key]
 
     @property
     def within(self) -> tuple[slice, slice]:

@@ -20,11 +20,8 @@ Tell = Callable[..., None]
 
 
 class Archipelago:
-    """The islands of a search; most searches have one, without a name.
-
-    ``weights`` are those that commands have set, of operators and of measures in sums; ``event`` is
-    called with events.
-    """
+    """The islands of a search; most searches have one, without a name. Commands have set the
+    ``weights`` of operators and of measures in sums. ``event`` is called with events."""
 
     def __init__(
         self,
@@ -94,8 +91,8 @@ class Archipelago:
         looks: Mapping[int, np.ndarray] | None = None,
     ) -> None:
         """Select who lives on, on each island, of the living and the ``births`` of a
-        ``generation``; then let some migrate if it is time. ``looks``: id -> thumbprint of the map,
-        where known."""
+        ``generation``; then let some migrate if it is time. ``looks``: id -> thumbprint of a map.
+        """
         self._keep_first(births)
         for island in self.islands:
             island.select(self._candidates(island, births), generation, looks)
@@ -119,7 +116,6 @@ class Archipelago:
             island.reweigh(aims)
 
     def _keep_first(self, births: Sequence[Birth]) -> None:
-        """Keep the values of the first ``births``, with which all later ones are compared."""
         if not self._first:
             complete = self._aims.complete
             self._first = [dict(b.values) for b in births if b.ok and complete(b.values)]
@@ -194,9 +190,9 @@ class Archipelago:
 
     @property
     def summaries(self) -> dict[str, dict]:
-        """The report of each island, by name, if there are several: the counts of ``living`` and
-        ``feasible``, ``hypervolume`` and ``best`` by its own goals, and its ``algorithm``'s
-        report."""
+        """Figures of each of several islands by its name: the counts of ``living`` and
+        ``feasible``, ``hypervolume`` and ``best`` by its own goals, and those of its ``algorithm``.
+        """
         return {island.name: _summary(island) for island in self.islands} if self.several else {}
 
 

@@ -63,18 +63,15 @@ def breed_plans(engine: Engine, plans: Sequence[Plan]) -> list[Offspring]:
     jobs = [(plan.operator, plan.genomes, plan.rng) for plan in plans if plan.operator]
     outcomes = iter(engine.run("breed", jobs))
     return [
-        Offspring(plan, next(outcomes) if plan.operator else _source_outcome(plan))
+        Offspring(plan, next(outcomes) if plan.operator else Outcome("ok", genome=plan.genomes[0]))
         for plan in plans
     ]
 
 
 def stream_offspring(engine: Engine, plans: Iterator[Plan | None]) -> Iterator[Offspring]:
-    """Breed and evaluate ``plans``, and yield each individual when it is done: one job each, under
-    one deadline. After a None in ``plans``, the next plan is taken once another individual is done.
-
-    The child of a worker that hung or died is lost. It is bred again, by the same draws: the log
-    then has its genome, and shows whether the operator or a measure was to blame.
-    """
+    """Breed and evaluate ``plans``, one job each, and yield each individual when it is done. After
+    a None in ``plans``, the next plan is taken once another individual is done. The lost child of a
+    worker that hung or died is bred again, by the same draws, so that the log has its genome."""
     waiting: deque[tuple[Plan, Outcome | None]] = deque()  # to be bred again
     given: dict[int, tuple[Plan, Outcome | None]] = {}
     numbers = count()
@@ -105,7 +102,7 @@ def _offspring(plan: Plan, outcome: Outcome, lost: Outcome | None) -> Offspring:
     """If the child was ``lost``, ``outcome`` is that of its second breeding; unless this failed
     too, the child keeps the status and the seconds of the first."""
     if plan.operator is None:
-        return Offspring(plan, _source_outcome(plan), outcome)
+        return Offspring(plan, Outcome("ok", genome=plan.genomes[0]), outcome)
     if outcome.genome is None:
         return Offspring(plan, outcome)
     return Offspring(plan, Outcome("ok", genome=outcome.genome), lost or outcome)
@@ -115,10 +112,6 @@ def _is_lost(plan: Plan, outcome: Outcome) -> bool:
     """An operator that measures while it breeds would take as long again: it is not repeated."""
     repeatable = bool(plan.operator) and not hasattr(plan.operator, "bred_within")
     return repeatable and outcome.genome is None and outcome.status in LOST
-
-
-def _source_outcome(plan: Plan) -> Outcome:
-    return Outcome("ok", genome=plan.genomes[0])
 
 
 def without_failed(offspring: Sequence[Offspring]) -> list[Offspring]:
@@ -135,9 +128,9 @@ def add_results(
     living = without_failed(offspring)
     if len(results) != len(living):
         raise RunError(
-            f"{len(results)} results for {len(living)} genomes",
-            "one result per genome, in the order of the genomes from ask()",
-            "give an exception for a genome that could not be evaluated",
+            f"tell() received {len(results)} results for {len(living)} genomes",
+            "one result for each genome, in the order in which ask() returned the genomes",
+            "pass an exception as the result of a genome that could not be evaluated",
         )
     outcomes = {
         child.plan.id: outcome_of(result, header.measures, header.recorded, bounds)
@@ -152,20 +145,19 @@ def outcome_of(
     recorded: Sequence[str] = (),
     bounds: Collection[str] = (),
 ) -> Outcome:
-    """Check a ``result`` of an evaluation elsewhere: a value of each of ``measures``, of any of
-    ``recorded``, or an exception. ``bounds``: measures that are only constraints; NaN breaks these.
-    Raises `RunError` for anything else."""
+    """Check a ``result`` of an evaluation elsewhere: an exception, or values of all ``measures``
+    and any ``recorded`` ones. NaN breaks ``bounds``. Raises `RunError` for anything else."""
     if isinstance(result, Outcome):
         return result
     if isinstance(result, Exception):
         return Outcome("error", f"{type(result).__name__}: {result}")
     if not isinstance(result, Mapping) or set(result) - set(recorded) != set(measures):
         found = f"values of {', '.join(result)}" if isinstance(result, Mapping) else repr(result)
-        besides = f", and from those of {', '.join(recorded)} that are known" if recorded else ""
+        besides = f", with values of {', '.join(recorded)} if they are known" if recorded else ""
         raise RunError(
-            f"a result with {found}",
-            f"a mapping from each of {', '.join(measures)} to its value{besides}, or an exception",
-            "pass such a result for each genome",
+            f"tell() received a result with {found}",
+            f"an exception, or a value of each measure: {', '.join(measures)}{besides}",
+            "pass an exception or a mapping from measures to values for each genome",
         )
     values, wrong = {}, []
     for name in (name for name in (*measures, *recorded) if name in result):

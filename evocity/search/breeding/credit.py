@@ -24,9 +24,9 @@ _PRIOR = 8.0
 
 
 class Credit:
-    """Earnings of operators in the last `WINDOW` generations. A birth that lives on earns one half.
-    It earns one half more if no earlier birth and no other of its generation dominates it; only the
-    first of equal births earns that."""
+    """Earnings of operators in the last `WINDOW` generations. A birth earns one half if it lives
+    on, and one half if it is the first that no earlier birth and none of its generation dominates.
+    """
 
     def __init__(self):
         self._generations: deque[dict[str, tuple[int, float]]] = deque(maxlen=WINDOW)
@@ -65,7 +65,6 @@ class Credit:
         return {name: float(np.clip(rate, 1 / MOST, MOST)) for name, rate in rates.items()}
 
     def _enter(self, losses: Sequence[Sequence[float]]) -> list[bool]:
-        """Add ``losses`` to the front of all births so far; return which of them enter it."""
         new = np.array(losses, np.float64)
         front = new if self._front is None else np.vstack([self._front, new])
         among = not_dominated(front)

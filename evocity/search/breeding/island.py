@@ -124,7 +124,6 @@ class Island:
         return [self._complete(plan) for plan in plans]
 
     def _complete(self, plan: Plan) -> Plan:
-        """The ``plan`` with this island, and how to breed it later if the log omits genomes."""
         reconstruction = None if self.recipe.log.genomes == "all" else describe_rebreeding(plan)
         if (plan.island, plan.reconstruction) == (self.name, reconstruction):
             return plan

@@ -25,7 +25,6 @@ def describe_rebreeding(plan: Plan) -> Reconstruction | None:
 
 
 def _settings(name: str, operator) -> str | None:
-    """The parameters that make ``operator`` from its ``name``, as JSON."""
     try:
         if isinstance(operator, Drawn):
             return json.dumps({**operator.parameters, **operator.drawn})
@@ -47,7 +46,6 @@ def _fields_as_json(operator) -> str | None:
 
 @lru_cache
 def _made_by(name: str, kind: type, settings: str) -> bool:
-    """Whether ``settings`` make an operator of this ``kind`` that has them."""
     try:
         made = operators.make(name, **json.loads(settings))
     except EvocityError:
@@ -60,11 +58,9 @@ class OmittedGenomes:
 
     genomes : "survivors" keeps the genomes of births that live on in the generation they are born
         in, "front" those in its first front, of any island; "all" omits none.
-    breedings : of all births so far, by id, how many breedings restore each genome; 0 if it is
-        kept.
+    breedings : how many breedings restore the genome of each birth so far; 0 if it is kept.
 
-    Kept besides are births that cannot be bred again, see `describe_rebreeding`, and those that
-    would take more than `MOST_BREEDINGS`, with their ancestors.
+    The log also keeps births that cannot be bred again, or by more than `MOST_BREEDINGS` breedings.
     """
 
     def __init__(self, genomes: str, breedings: Iterable[int] = ()):
@@ -74,10 +70,7 @@ class OmittedGenomes:
     def of(cls, writer: BackgroundWriter) -> "OmittedGenomes":
         """Create it for the run that a ``writer`` begins, or resumes."""
         genomes = writer.header.genomes
-        if genomes == "all":
-            return cls(genomes)
-        run = CompleteRun(writer.path)
-        if not run.generations:
+        if genomes == "all" or not (run := CompleteRun(writer.path)).generations:
             return cls(genomes)
         return cls(genomes, run.births(columns=["breedings"])["breedings"].to_pylist())
 

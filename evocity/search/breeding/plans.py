@@ -16,8 +16,7 @@ from evocity.store import Reconstruction
 @dataclass(frozen=True)
 class Plan:
     """How one individual is bred; without an operator it is its one parent. ``island``: where it is
-    born, if there are several; ``reconstruction``: how to breed it later, if the log may omit its
-    genome."""
+    born; ``reconstruction``: how to breed it later, if the log may omit its genome."""
 
     id: int
     operator: object | None
@@ -59,29 +58,22 @@ class Picks:
         return [chosen, *parents[1:]]
 
 
-NO_PICKS = Picks()
-
-
 @dataclass(frozen=True)
 class Guidance:
     """Changes of the breeding by commands and credit: ``picks``, and ``weights``, island ->
     operator -> weight in place of the recipe's. The only island of a search has the name None."""
 
-    picks: Picks = NO_PICKS
+    picks: Picks = Picks()
     weights: Mapping[str | None, Mapping[str, float]] = field(default_factory=dict)
-
-    def weights_of(self, island: str | None) -> Mapping[str, float]:
-        """Return the weights of one ``island``."""
-        return self.weights.get(island, {})
 
 
 UNGUIDED = Guidance()
 
 
-def birth_generator(seed: int, generation: int, slot: int) -> np.random.Generator:
+def birth_generator(seed: int, generation: int, slot: int, *more: int) -> np.random.Generator:
     """Return the generator of one birth. Only this birth draws from it, so the number of workers
-    changes nothing."""
-    sequence = np.random.SeedSequence(seed, spawn_key=(generation, slot))
+    changes nothing. Keys with ``more`` numbers are of no birth."""
+    sequence = np.random.SeedSequence(seed, spawn_key=(generation, slot, *more))
     return np.random.Generator(np.random.PCG64(sequence))
 
 
@@ -91,11 +83,8 @@ def selection_generator(recipe: Recipe, generation: int, island: int = 0) -> np.
 
 
 def admission_generator(recipe: Recipe, identifier: int) -> np.random.Generator:
-    """Return the generator of the selection after one birth; its key has three numbers, those of
-    births have two."""
-    key = *divmod(identifier, recipe.run.population), 0
-    sequence = np.random.SeedSequence(recipe.run.seed, spawn_key=key)
-    return np.random.Generator(np.random.PCG64(sequence))
+    """Return the generator of the selection after one birth."""
+    return birth_generator(recipe.run.seed, *divmod(identifier, recipe.run.population), 0)
 
 
 def migration_generator(recipe: Recipe, generation: int, island: int) -> np.random.Generator:
@@ -109,11 +98,9 @@ def founder_plans(
 ) -> list[Plan]:
     """Plan generation 0, or its ``slots``: the sources, then their fusions and mutants.
 
-    Of each three births after the sources, two are fusions and one is a mutant of a source. Fusions
-    take the ordered pairs of sources in turn, with a fill drawn from the recipe's range, else from
-    0.1…0.9. A single source has only mutants. The first operators of the recipe's kind that the
-    recipe gives a weight breed them: of fabrics quarter fusion, else pavement fusion; quarter
-    refill, else mutation.
+    Of each three births after the sources, two are fusions and one is a mutant. Fusions take the
+    ordered pairs of sources in turn, with a fill from the recipe's range, else from 0.1…0.9. A
+    single source has only mutants. The first weighted operators of the recipe's kind breed them.
     """
     slots = range(recipe.run.population) if slots is None else slots
     return [founder_plan(recipe, sources, slot) for slot in slots]
@@ -187,14 +174,11 @@ def child_plans(
     island: str | None = None,
     slots: range | None = None,
 ) -> list[Plan]:
-    """Plan the children of one ``generation`` of an ``island``, or of its ``slots``.
-
-    Each draws an operator by weight, lets the ``algorithm`` choose parents among the ``living``,
-    and draws the parameters that the recipe gives a range. ``sources`` are further parents of
-    operators that take from anywhere.
-    """
+    """Plan the children of one ``generation`` of an ``island``, or of its ``slots``. Each draws an
+    operator by weight, lets the ``algorithm`` choose parents among the ``living``, and draws ranged
+    parameters. ``sources`` are further parents of operators that take from anywhere."""
     mixture = {name: entry.weight for name, entry in recipe.operators.items()}
-    mixture |= guidance.weights_of(island)
+    mixture |= guidance.weights.get(island, {})
     names = [name for name, weight in mixture.items() if weight > 0]
     chances = np.array([mixture[name] for name in names])
     counts = {

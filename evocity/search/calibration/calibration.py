@@ -51,10 +51,9 @@ _TIMED, _LOADING = 10, 3
 class CalibratedRecipe:
     """A recipe to begin from: its ``text``, and the same as ``recipe``.
 
-    values : measure -> parent -> values of its (map, code), NaN if undefined. bounds : of the
-        guard.
-    seconds : that one birth took one worker. notes : what a user should know. failing : why a run
-    by it would stop at once; "" if it would not.
+    values : measure -> parent -> values of its (map, code), NaN if undefined.
+    seconds : that one birth took one worker.
+    failing : why a run by it would stop at once; "" if it would not.
     """
 
     text: str
@@ -84,14 +83,11 @@ def calibrate_recipe(
     on_map: Callable[[CityMap, Parent], None] | None = None,
 ) -> CalibratedRecipe:
     """Write a recipe for the parents and the window of ``settings``, as it would lie at ``path``,
-    with a calibrated guard.
-
-    goals : by default `USUAL_GOALS`; their files are executed. tell : is called with a few words on
-    each step. on_map : is called with each parent's map and its [[parents]] once it is read.
+    with a calibrated guard. ``goals`` are by default `USUAL_GOALS`. ``tell`` is called with steps,
+    ``on_map`` with each parent's map and entry.
 
     Raises `RecipeError` for an impossible window or centre. Raises `MapError`, `GenomeError` or
-    `FitnessError` if a map cannot be used, nothing is built on it, or a goal is undefined of every
-    parent.
+    `FitnessError` if a map cannot be used or is empty, or no parent has a value of a goal.
     """
     own = bool(goals)
     goals = list(goals) or [Goal(fitness.get(name)) for name in USUAL_GOALS]
@@ -172,12 +168,11 @@ def _values(
 
 
 def _refuse_empty(city: CityMap, parent: Parent) -> None:
-    """Raise `MapError` if nothing is built on a parent's map."""
     if not city.built.any():
         raise MapError(
             f"{city.name}: the map ({parent.place}) has no buildings",
-            "buildings to breed from on the map of every parent",
-            f"choose a window with buildings, with {keyword('center')} and {keyword('pixels')}, "
+            "a map with buildings for every parent",
+            f"move or enlarge the window with {keyword('center')} and {keyword('pixels')}, "
             "or leave this map out",
         )
 
@@ -185,19 +180,18 @@ def _refuse_empty(city: CityMap, parent: Parent) -> None:
 def _select_goals(
     goals: Sequence[Goal], values: Mapping, own: bool, path: Path
 ) -> tuple[list[Goal], list[str]]:
-    """The ``goals`` that are defined of the parents' codes, with targets if they have no goal; and
-    notes on those left out. Raises `FitnessError` if one of the user's ``own`` is undefined of all
-    parents, or each other goal of one."""
+    """The ``goals`` that the parents' codes have values of, and notes on the others. Raises
+    `FitnessError` for one of the user's ``own`` that no parent has, and if no goal is left."""
     kept, left_out = [], []
     for goal in goals:
         of_parents = values[goal.measure.name]
         defined = [code for _, code in of_parents.values() if not math.isnan(code)]
         if own and not defined:
             raise FitnessError(
-                f"{goal.measure.name} is undefined for {_list_undefined(of_parents)}",
+                f"the measure {goal.measure.name} is undefined for {_list_undefined(of_parents)}",
                 "a measure that has a value for at least one parent",
-                "try the measure: "
-                f"evocity score MAP --fitness {_option_value(goal, path)}, or take other cities",
+                f"test the measure with evocity score MAP --fitness {_option_value(goal, path)}, "
+                "or choose other cities",
             )
         if not own and len(defined) < len(of_parents):
             undefined = _list_undefined(of_parents)
@@ -208,15 +202,14 @@ def _select_goals(
         kept.append(goal)
     if not kept:
         raise FitnessError(
-            f"no measure is left to search by: {'; '.join(left_out)}",
+            f"none of the usual goals has a value for every parent: {'; '.join(left_out)}",
             "a measure that has a value for every parent",
-            "choose another measure with --fitness, or take other cities",
+            "choose another measure with --fitness, or choose other cities",
         )
     return kept, left_out
 
 
 def _note_reached(goals: Sequence[Goal], first: str) -> list[str]:
-    """A note that targets which are the ``first`` parent's values are reached from the start."""
     names = [goal.measure.name for goal in goals if goal.of_first]
     if not names:
         return []
@@ -227,8 +220,7 @@ def _note_reached(goals: Sequence[Goal], first: str) -> list[str]:
 
 
 def _note_best(goals: Sequence[Goal], values: Mapping) -> list[str]:
-    """Notes that some parents, but not all, have the best value of a goal: their children have it
-    too."""
+    """Notes on goals of which some parents, but not all, have the best value."""
     notes = []
     for goal in goals:
         if goal.direction is None:
@@ -247,8 +239,7 @@ def _note_best(goals: Sequence[Goal], values: Mapping) -> list[str]:
 
 
 def _note_heights(goals: Sequence[Goal], first: CityMap) -> list[str]:
-    """A note on targets that rest on heights missing in the ``first`` parent's file: if half of its
-    buildings lack one, and the measure changes with the heights."""
+    """A note on targets that rest on heights missing in the ``first`` parent's file."""
     rules = first.height_rules
     if 2 * rules.get("default", 0) < max(1, sum(rules.values())):
         return []
@@ -266,7 +257,6 @@ def _note_heights(goals: Sequence[Goal], first: CityMap) -> list[str]:
 
 
 def _list_undefined(of_parents: Mapping[str, tuple[float, float]]) -> str:
-    """The parents that a measure is undefined of, with the reasons, in words."""
     reasons: dict[str, list[str]] = {}
     for name, (_, code) in of_parents.items():
         if math.isnan(code):
@@ -287,8 +277,7 @@ def _option_value(goal: Goal, path: Path) -> str:
 
 
 def _calibrate_bound(measure: Measure, values: Mapping[str, tuple[float, float]]) -> Bound | None:
-    """The bound of the guard on a ``measure``, from the parents' values; None if one is
-    undefined."""
+    """The bound of the guard on a ``measure``; None if a parent lacks the value."""
     maps, codes = zip(*values.values(), strict=True)
     if any(map(math.isnan, codes)):
         return None
@@ -305,8 +294,7 @@ def _calibrate_bound(measure: Measure, values: Mapping[str, tuple[float, float]]
 
 
 def _describe_failures(trials: Sequence[Outcome], limit: float) -> tuple[list[str], str]:
-    """Notes on the ``trials`` that failed, and why a run would stop if more than a share ``limit``
-    did."""
+    """Notes on failed ``trials``, and why a run would stop if more than ``limit`` failed."""
     failed = [outcome for outcome in trials if outcome.status != "ok"]
     if not failed:
         return [], ""
@@ -317,7 +305,6 @@ def _describe_failures(trials: Sequence[Outcome], limit: float) -> tuple[list[st
 
 
 def _with_recipe(prepared: Prepared, recipe: Recipe) -> Prepared:
-    """The same parents, prepared for a ``recipe`` with other measures."""
     cities = [source.city for source in prepared.sources]
     header = replace(
         prepared.header,
@@ -334,7 +321,6 @@ def _with_recipe(prepared: Prepared, recipe: Recipe) -> Prepared:
 
 
 def _trials(prepared: Prepared) -> list[Outcome]:
-    """Children of the parents by the recipe's operators, bred and evaluated here."""
     evaluator = Evaluator(prepared.setup)
     sources = [source.genome for source in prepared.sources]
     algorithm = prepared.recipe.search.algorithm_of(len(sources))

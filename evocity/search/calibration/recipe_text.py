@@ -18,10 +18,9 @@ _WIDTH = 100
 
 @dataclass(frozen=True)
 class RecipeSettings:
-    """The user's choices for a recipe: its ``name``; each of its ``parents`` as [[parents]] has
-    it, map and options; the window; the ``seed``; how long it runs, in ``generations``, or in
-    ``minutes`` on all cores, which become generations once a birth was timed. ``by``: who writes
-    it."""
+    """The user's choices for a recipe: its ``name``, ``parents`` as [[parents]] has them, window,
+    ``seed``, and length in ``generations``, or in ``minutes`` on all cores. ``by``: who writes it.
+    """
 
     name: str
     parents: Sequence[Mapping[str, Any]]
@@ -111,9 +110,9 @@ def recipe_text(
 ) -> str:
     """Write a recipe in TOML.
 
-    values : measure -> parent -> the values of its map and its code. cost : how many births,
-    seconds of one, and seconds of all. uncredited : the parents, by number, whose files have no
-    attribution.
+    values : measure -> parent -> the values of its map and its code.
+    cost : how many births, seconds of one, and seconds of all.
+    uncredited : the parents, by number, whose files have no attribution.
     """
     values = values or {}
     guarded = {bound.measure.name: bound for bound in bounds}
@@ -199,9 +198,7 @@ def _genome() -> str:
         "[genome]",
         {
             "block": f"{sides[0]}-{sides[1]}",
-            "reach": usual["reach"].default,
-            "fit": usual["fit"].default,
-            "settle": usual["settle"].default,
+            **{key: usual[key].default for key in ("reach", "fit", "settle")},
         },
         {
             "block": "sides of range blocks, px: small at walls, large on open ground",
@@ -221,7 +218,6 @@ def _operators() -> str:
 
 
 def _parent(entry: Mapping[str, Any], uncredited: bool) -> str:
-    """One of [[parents]]; with a line for the attribution of an ``uncredited`` map."""
     line = '# attribution = "…"      # the line that its licence asks for: the file has none\n'
     return _table("[[parents]]", entry) + (line if uncredited and "map" in entry else "")
 
@@ -281,7 +277,6 @@ def _table(
     comments: Mapping[str, str] | None = None,
     about: str = "",
 ) -> str:
-    """A table of TOML, with ``comments`` on its keys."""
     lines = [_with_comment(head, about)]
     for key, value in entries.items():
         comment = (comments or {}).get(key, "")

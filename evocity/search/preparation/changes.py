@@ -25,11 +25,8 @@ def recipe_folder(run: RunLog) -> Path:
 
 
 def changes_of(run: RunLog, copies: Mapping[str, str]) -> list[str]:
-    """Describe what differs from the start of a ``run``; nothing is executed.
-
-    A missing map is no change, for the run has its own copy, or what was measured of it; nor is a
-    missing measure file of which the run has one of ``copies``.
-    """
+    """Describe what differs from the start of a ``run``; nothing is executed. A missing map is not
+    a change, nor is a missing measure file of which the run has one of ``copies``."""
     provenance, folder = run.provenance, recipe_folder(run)
     changes = []
     if store.hash_of_text(run.recipe_text) != provenance["recipe"]["hash"]:
@@ -89,8 +86,7 @@ def noted_measures(provenance: Mapping) -> list[dict]:
 
 
 def _recipe_measures(run: RunLog) -> list[dict]:
-    """The measures as the recipe names them, in [[fitness]] and ``run.record``; none if its text is
-    at fault, which its reader reports."""
+    """The measures that the recipe names; none if its text is at fault."""
     try:
         recipe = tomllib.loads(run.recipe_text)
         section = recipe.get("run", {})
@@ -120,8 +116,7 @@ def _named_file(noted: dict, folder: Path) -> str | None:
 def _source_files(
     noted: dict, folder: Path, own: set[str], copies: Mapping[str, str]
 ) -> list[Path]:
-    """The files that one of the user's measures would be loaded from now, first the one that
-    declares it; none for measures that the recipe loads from no file."""
+    """The files that one of the user's measures would be loaded from now, its own file first."""
     named = _named_file(noted, folder)
     if named not in own:
         return []

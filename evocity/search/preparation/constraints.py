@@ -1,10 +1,8 @@
 """Constraints that the parents' own codes keep, checked before the first birth.
 
-If no parent keeps a bound, births must reach it from outside. With most measures they can: a town
-denser than its parents is a fair wish, and a note tells the user how far away the parents are. A
-measure of what births have of their parents differs, if the bound is on the side of its own goal:
-`integrity` at least .5, or a `fabric_distance` to the parents of at most .15. The parents have most
-of that, so a bound that none of them keeps is a fault of the recipe.
+If no parent keeps a bound, births must reach it from outside. With most measures they can, and a
+note tells the user how far away the parents are. Births have no more of their parents than these
+have themselves (`integrity`, `fabric_distance`): such a bound is then a fault of the recipe.
 """
 
 import math
@@ -84,12 +82,10 @@ class ParentConstraint:
 
 
 def describe_unkept_bounds(prepared: Prepared, engine: Engine) -> list[str]:
-    """Describe the constraints that no parent keeps, and the parents' values; nothing if one parent
-    keeps them all.
+    """Describe the constraints that no parent keeps, and the parents' values.
 
-    The ``engine`` measures the parents' codes as it does births; a parent of which a measure fails
-    does not count. Raises `RecipeError` if no parent keeps a bound that no birth can keep better,
-    or if an algorithm cannot begin with the parents' values.
+    The ``engine`` measures the parents' codes. Raises `RecipeError` if no parent keeps a bound that
+    no birth can keep better, or if an algorithm cannot begin with the parents' values.
     """
     recipe = prepared.recipe
     names = {one.measure.name for one in prepared.aims.wanted if one.constraint is not None}

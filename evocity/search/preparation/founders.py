@@ -18,12 +18,10 @@ from evocity.store import Birth, RunLog
 
 
 def read_founder(recipe: Recipe, parent: Parent) -> tuple[CityMap, Any]:
-    """Read the map and the genome of a ``parent`` that is not a map. It is a new source: all its
-    stone is its own, of a city with the parent's name.
+    """Read the map and the genome of a ``parent`` that is not a map. It becomes a city of its own.
 
-    Raises `GenomeError` if it has another window or pixel size than the recipe's ``[map]``, a
-    steeper σ than ``[genome] sigma_max``, or does not converge. Raises `RunError` if the
-    run has no such individual, or it failed. Both name the parent.
+    Raises `GenomeError` if its window or σ does not fit the recipe, or if it does not converge.
+    Raises `RunError` if the run has no such individual, or it failed. Both name the parent.
     """
     kind = recipe.kind
     if parent.bred:
@@ -38,7 +36,7 @@ def read_founder(recipe: Recipe, parent: Parent) -> tuple[CityMap, Any]:
         raise GenomeError(
             f"{parent.place}: {expressed.problem}",
             "a genome that decodes to a map",
-            "choose another individual" if parent.bred else "choose another",
+            f"choose another {'individual' if parent.bred else 'parent'}",
         )
     return expressed.city.replace(expressed.city.heights, name=parent.title), founder
 
@@ -49,7 +47,7 @@ def _read_individual(path: str | os.PathLike, parent: Parent, kind: Kind) -> Any
         raise GenomeError(
             f"{parent.place} comes from a run that breeds {run.header.kind}s",
             f"an individual of a run that breeds {kind.name}s",
-            "choose another run",
+            "choose an individual of another run",
         )
     (birth,) = require_alive(run, [parent.id])
     return birth.genome
@@ -67,10 +65,10 @@ def _refuse_unsuited(genome: Any, recipe: Recipe, parent: Parent) -> None:
     unsuited = recipe.kind.window_mismatch(genome, recipe.window)
     if unsuited is not None:
         raise GenomeError(
-            f"{parent.place} has {unsuited[0]}",
-            f"{unsuited[1]}, as [map] says",
-            "set pixels and metres_per_pixel in [map] to those of the genome, and choose parents "
-            "of the same window",
+            f"the genome of {parent.place} has {unsuited[0]}",
+            f"{unsuited[1]}, as [map] of the recipe says",
+            "set pixels and metres_per_pixel in [map] to the values of the genome, and choose "
+            "parents with the same window",
         )
     fabric = recipe.kind.fabric(genome)
     if fabric is None:
@@ -78,13 +76,13 @@ def _refuse_unsuited(genome: Any, recipe: Recipe, parent: Parent) -> None:
     steepest = float(np.abs(fabric.sigma).max(initial=0))
     if steepest > np.float32(recipe.genome.sigma_max):
         raise GenomeError(
-            f"{parent.place} has |σ| up to {steepest:.4g}",
-            f"|σ| ≤ {recipe.genome.sigma_max:g}, sigma_max in [genome]",
+            f"the genome of {parent.place} has contrasts σ with |σ| up to {steepest:.4g}",
+            f"|σ| of at most {recipe.genome.sigma_max:g}, the value of sigma_max in [genome]",
             f"set sigma_max to {fabric.sigma_max:g} or more, or choose another genome",
         )
     if fabric.condensation is not None and not recipe.locked.given:
         raise GenomeError(
-            f"{parent.place} has locked pixels, but the recipe locks none",
-            "a genome without locked pixels, or [locked] in the recipe",
-            "lock the same pixels in the recipe, by footprints or a mask in [locked]",
+            f"the genome of {parent.place} has locked pixels, but the recipe locks no pixels",
+            "a genome without locked pixels, or the section [locked] in the recipe",
+            "lock the same pixels with footprints or a mask in [locked] of the recipe",
         )

@@ -16,10 +16,8 @@ from evocity.recipe.values import resolve_path
 
 def locked_layer(recipe: Recipe, cities: list[CityMap]) -> tuple[Condensation | None, str]:
     """Read the layer of ``[locked]`` on the grid of the source ``cities``, and the attribution that
-    the licences of its files require; (None, "") if nothing is locked.
-
-    Raises `RecipeError` if the city is no source or nothing is left to breed, `MapError`, which
-    names the key, if a file cannot be used.
+    its files require; (None, "") if nothing is locked. Raises `RecipeError` if the city is no
+    source or nothing is left to breed, `MapError`, which names the key, if a file cannot be used.
     """
     locked = recipe.locked
     if locked.place is None:
@@ -37,8 +35,8 @@ def locked_layer(recipe: Recipe, cities: list[CityMap]) -> tuple[Condensation | 
     if layer.mask.all():
         raise RecipeError(
             f"locked: {locked.place} covers every pixel of {city.name}",
-            "pixels that are free to be bred",
-            "lock a part of the map",
+            "some pixels that are not locked, so that births can change them",
+            "lock only a part of the map",
         )
     return layer, attribution
 
@@ -64,12 +62,9 @@ def part_names(recipe: Recipe) -> list[str]:
 def parts_of(
     recipe: Recipe, cities: Sequence[CityMap], kept: Mapping[str, np.ndarray] | None = None
 ) -> dict[str, Part]:
-    """Read the parts that measures of the ``recipe`` are taken of, by the files that mark them.
-
-    Each file is laid on the first of the source ``cities`` that it covers; a resumed run has
-    ``kept`` the masks. Raises `MapError`, which names the key, if a file cannot be used,
-    `RecipeError` if a measure cannot be taken of a part.
-    """
+    """Read the parts that measures of the ``recipe`` are taken of, by the files that mark them,
+    each on the first of the ``cities`` that it covers. A resumed run has ``kept`` the masks. Raises
+    `MapError` or `RecipeError`, which name the key."""
     masks = {}
     for name in part_names(recipe):
         with blame(f"{_key(recipe, name)}: within = {spell(name)}"):
@@ -95,6 +90,5 @@ def _entries_by_key(recipe: Recipe) -> list[tuple[str, MeasureEntry]]:
 
 
 def _key(recipe: Recipe, name: str) -> str:
-    """The key of the first entry that names the file ``name`` of a part, with its measure."""
     key, entry = next(pair for pair in _entries_by_key(recipe) if pair[1].within == name)
     return key + (f" ({entry.name})" if entry.name else "")

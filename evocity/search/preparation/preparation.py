@@ -78,11 +78,9 @@ def prepare(
     progress: Callable[[str], None] | None = None,
     on_map: Callable[[CityMap, Parent], None] | None = None,
 ) -> Prepared:
-    """Read and encode the parents, and measure the cities that births shall be like.
-
-    ``progress`` is called with a few words on each step, ``on_map`` with each parent's map once it
-    is read. Raises `MapError`, `GenomeError` or `FitnessError` if a map cannot be used.
-    """
+    """Read and encode the parents, and measure the cities that births shall be like. ``progress``
+    is called with steps, ``on_map`` with each parent's map. Raises `MapError`, `GenomeError` or
+    `FitnessError` if a map cannot be used."""
     tell = progress or (lambda text: None)
     cities: list[CityMap] = []
     notes: list[str] = []
@@ -137,8 +135,7 @@ def named_cities(
     note: Callable[[str], None],
 ) -> dict[str, CityMap]:
     """Return the cities that measures of the ``recipe`` compare with, by its names: source
-    ``cities`` of the run, or other maps. ``tell`` is called with each step, ``note`` with what was
-    read of a file."""
+    ``cities``, or other maps. ``tell`` is called with each step, ``note`` with what was read."""
     named: dict[str, CityMap] = {}
     for name in compared_names(recipe):
         parent = recipe.parent_named(name)
@@ -163,12 +160,9 @@ def references_of(
     named: Mapping[str, CityMap],
     tell: Callable[[str], None] | None = None,
 ) -> dict[str, fitness.Reference]:
-    """Return what the recipe's measures that compare cities compare with, by the measure's name;
-    ``cities`` are the run's sources, ``named`` as in `named_cities`. ``tell`` is called with the
-    features that are left out.
-
-    Raises `FitnessError` if a reference has too few buildings.
-    """
+    """Return the references of the recipe's measures that compare cities, by the measure's name;
+    ``named`` as in `named_cities`. ``tell`` is called with the features that are left out. Raises
+    `FitnessError` if a reference has too few buildings."""
     references: dict[str, fitness.Reference] = {}
     made: dict[str | tuple[str, ...], fitness.Reference] = {}
     for entry in recipe.entries:
@@ -193,7 +187,6 @@ def references_of(
 
 
 def _unused_features(name: str, reference: fitness.Reference) -> str:
-    """Describe the features that a fabric distance leaves out."""
     names = ", ".join(city.name for city in reference.cities)
     try:
         features = left_out(reference)
@@ -263,7 +256,9 @@ def _header(
         names.append(VOID)  # open ground that no city has
     if len(names) > 255:
         raise RecipeError(
-            f"{len(names)} parents are too many", "255 parents or fewer", "leave some out"
+            f"the recipe has {len(names)} parents, which are too many",
+            "255 parents or fewer",
+            "remove some of the parents",
         )
     attributions = [*(city.attribution for city in cities), attribution]
     places = {(city.origin, city.crs) for city in cities}

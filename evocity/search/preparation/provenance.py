@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 from evocity import fitness, store
 from evocity.errors import MapError, RunError, cut_short, reason_of
@@ -45,10 +46,27 @@ def provenance_of(
     recipe, hashed = prepared.recipe, hashed or file_hash
     entries = [entry for entry in recipe.fitness for _ in entry.measures]
     numbers = {id(source.city): number for number, source in enumerate(prepared.sources)}
-    locked = {}
+    optional: dict[str, Any] = {
+        "recorded": [
+            {"name": measure.name}
+            | _source_of(entry, measure, own)
+            | _reference_of(recipe, entry.compared, hashed)
+            for entry in recipe.recording
+            for measure in entry.measures
+        ],
+        "within": [
+            {
+                "name": name,
+                "file": hashed(recipe.folder, name),
+                "hash": store.hash_of_mask(part.mask),
+            }
+            for name, part in prepared.within.items()
+        ],
+        "descriptors": [_descriptor(name, *recipe.limits[name]) for name in recipe.described],
+    }
     if recipe.locked.given:
         files = {name: hashed(recipe.folder, name) for name in recipe.locked.files}
-        locked["locked"] = {"asked": recipe.locked.given, "files": files}
+        optional["locked"] = {"asked": recipe.locked.given, "files": files}
     return store.environment() | {
         "seed": recipe.run.seed,
         "recipe": {
@@ -84,10 +102,7 @@ def provenance_of(
             }
             for name, city in prepared.named.items()
         ],
-        **_recorded_measures(recipe, own, hashed),
-        **_parts(prepared, hashed),
-        **_descriptors(recipe),
-        **locked,
+        **{key: value for key, value in optional.items() if value},
     }
 
 
@@ -127,33 +142,9 @@ def _mixture(recipe: Recipe) -> dict:
     return {name: one.model_dump(exclude_none=True) for name, one in recipe.operators.items()}
 
 
-def _recorded_measures(recipe: Recipe, own: OwnFiles, hashed) -> dict:
-    recorded = [
-        {"name": measure.name}
-        | _source_of(entry, measure, own)
-        | _reference_of(recipe, entry.compared, hashed)
-        for entry in recipe.recording
-        for measure in entry.measures
-    ]
-    return {"recorded": recorded} if recorded else {}
-
-
-def _parts(prepared: Prepared, hashed) -> dict:
-    folder = prepared.recipe.folder
-    parts = [
-        {"name": name, "file": hashed(folder, name), "hash": store.hash_of_mask(part.mask)}
-        for name, part in prepared.within.items()
-    ]
-    return {"within": parts} if parts else {}
-
-
-def _descriptors(recipe: Recipe) -> dict:
-    """The lowest and highest values that descriptors declare, None for no bound."""
-    descriptors = []
-    for name in recipe.described:
-        low, high = (end if math.isfinite(end) else None for end in recipe.limits[name])
-        descriptors.append({"name": name, "low": low, "high": high})
-    return {"descriptors": descriptors} if descriptors else {}
+def _descriptor(name: str, *ends: float) -> dict:
+    low, high = (end if math.isfinite(end) else None for end in ends)
+    return {"name": name, "low": low, "high": high}
 
 
 def _goal_of(recipe: Recipe, entry: FitnessEntry, wanted: fitness.Wanted, hashed) -> dict:
@@ -175,8 +166,7 @@ def _goal_of(recipe: Recipe, entry: FitnessEntry, wanted: fitness.Wanted, hashed
 
 
 def _source_of(entry: MeasureEntry, measure: Measure, own: OwnFiles) -> dict:
-    """Where a measure comes from: the file as the recipe names it, what that imports from its
-    folder, and the run's own copy; of other measures the file's name."""
+    """The origin of a measure: its file, what that imports from its folder, and the run's copy."""
     file = Path(measure.file)
     ours = measure.origin == "evocity"
     name = file.relative_to(_PACKAGE.parent).as_posix() if ours else file.name
@@ -221,11 +211,9 @@ def file_hash(folder: Path, name: str) -> str | None:
 
 
 def collect_own_files(recipe: Recipe) -> OwnFiles:
-    """Read the files that a run by ``recipe`` keeps, as ``fitness/<name>``; those of a second
-    folder with measures as ``fitness/from-2/<name>``, and so on.
-
-    Raises `RunError` if a file differs from what was executed.
-    """
+    """Read the measure files that a run by ``recipe`` keeps, as ``fitness/<name>``; those of a
+    second folder as ``fitness/from-2/<name>``. Raises `RunError` if a file differs from what was
+    executed."""
     files: dict[str, bytes] = {}
     places: dict[str, str] = {}
     folders: list[Path] = []
@@ -236,11 +224,7 @@ def collect_own_files(recipe: Recipe) -> OwnFiles:
         if named.parent not in folders:
             folders.append(named.parent)
         number = folders.index(named.parent) + 1
-        room = (
-            PurePosixPath(MEASURES_FOLDER)
-            if number == 1
-            else PurePosixPath(MEASURES_FOLDER, f"from-{number}")
-        )
+        room = PurePosixPath(MEASURES_FOLDER, *([f"from-{number}"] if number > 1 else []))
         for measure in entry.measures:
             paths = [measure.file, *measure.beside]
             try:
@@ -249,8 +233,8 @@ def collect_own_files(recipe: Recipe) -> OwnFiles:
                 unchanged = False
             if not unchanged:
                 raise RunError(
-                    f"{measure.file} has changed since it was executed",
-                    "measure files that stay as they are while a run begins",
+                    f"the measure file {measure.file} has changed since evocity executed it",
+                    "measure files that do not change while a run starts",
                     "start the run again",
                 )
             names = [named.name, *imported_names(measure)]
@@ -270,10 +254,7 @@ def imported_names(measure: Measure) -> list[str]:
 
 def find_copies(root: Path, folder: Path, noted: list[dict]) -> dict[str, str]:
     """Map the measure files that are gone from the ``folder`` of the recipe to their copies in the
-    run folder ``root``, where it has them; ``noted`` is what provenance has of the measures.
-
-    Raises `RunError` for copies that are links, or lie outside.
-    """
+    run folder ``root``. Raises `RunError` for copies that are links, or lie outside."""
     copies = {}
     for one in noted:
         original = resolve_path(folder, one["file"])

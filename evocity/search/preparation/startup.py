@@ -63,7 +63,9 @@ class Crew:
             address = cluster_of(cluster or given.cluster or "none")
         except ValueError:
             raise RecipeError(
-                f"a search on {setting('cluster', cluster)}", CLUSTERS, "correct the address"
+                f"{setting('cluster', cluster)} is not the address of a cluster",
+                CLUSTERS,
+                "correct the address",
             ) from None
         if address is None:
             return cls(recipe.worker_count if workers is None else workers)
@@ -72,9 +74,9 @@ class Crew:
             workers = given.workers
         if workers == 0:
             raise RecipeError(
-                f"{setting('workers', 0)} does not fit {setting('cluster', address)}",
+                f"{setting('workers', 0)} is given together with {setting('cluster', address)}",
                 "1 or more processes in each worker of the cluster",
-                f"leave {keyword('workers')} out to use a process per thread, or search without "
+                f"leave {keyword('workers')} out to use one process per thread, or search without "
                 "a cluster",
             )
         return cls(workers, address)

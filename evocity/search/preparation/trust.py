@@ -27,8 +27,7 @@ _MOST_MARKS = 16
 @dataclass(frozen=True)
 class Permission:
     """The permission of a user for a run: ``trust`` executes the files and commands that it brings
-    from another machine; ``accept_changes`` accepts those of its recipe, maps and measures since it
-    began."""
+    from another machine; ``accept_changes`` accepts changes of recipe, maps and measures."""
 
     trust: bool = False
     accept_changes: bool = False
@@ -115,7 +114,6 @@ def list_executed(run: RunLog) -> list[str]:
 
 
 def _executable_parts(text: str, about: Mapping) -> list[str]:
-    """The same, by the ``text`` of a recipe and what provenance has ``about`` it."""
     sections = (section for key, section in _raw(text).items() if key != "notify")
     files = dict.fromkeys(name for name in _files(list(sections)) if name.endswith(".py"))
     cluster = about.get("overrides", {}).get("evaluation.cluster")
@@ -138,18 +136,17 @@ def is_trusted(run: RunLog) -> bool:
 
 
 def refuse_untrusted(run: RunLog, changed: bool = False) -> None:
-    """Raise `RunError` if a ``run`` that is not trusted would execute anything of its own; with
-    ``changed``, its copies of measures may differ from those it began with, and no run is
-    trusted."""
+    """Raise `RunError` if a ``run`` that is not trusted would execute anything of its own. If it
+    ``changed``, no run is trusted: its copies of measures may be others."""
     executed = list_executed(run) if changed else list_untrusted(run)
     if not executed:
         return
     more = f" and {len(executed) - 4} more" if len(executed) > 4 else ""
     raise RunError(
-        f"{run.path} was not started on this machine, and would execute its own files or commands: "
+        f"{run.path} was not started on this machine, and would execute files or commands: "
         f"{', '.join(executed[:4])}{more}",
-        "a run that was started here, or that executes no files or commands of its own",
-        f"read these first, then confirm them with {keyword('trust', True)}",
+        "a run that was started on this machine, or that executes no files or commands",
+        f"read these files and commands, then confirm them with {keyword('trust', True)}",
     )
 
 

@@ -2,7 +2,6 @@
 
 - `aims`: raw values, losses and constraints
 - `archive`, `grid`: the births that no other dominates; the best birth of each cell
-- `diff`: columns in which two births differ
 - `commands`: the commands that a run was given
-- `complete_run`: a run whose omitted genomes can be read too
+- `complete_run`: a run whose omitted genomes can be read too; differences of two births
 """

@@ -6,6 +6,7 @@ Nothing of the run is executed, no measure is loaded.
 import math
 import sys
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -18,37 +19,43 @@ from evocity.fitness import Aims, Constraint, Measure, Objective, Wanted
 from evocity.search.record.commands import StandingOrders
 from evocity.store import Birth, Header, RunLog
 
+#: What a damaged provenance raises where it is read.
+DAMAGE = (LookupError, TypeError, AttributeError, ValueError)
 _HEAVIEST = 1e9  # weight that a recipe may give
 _MOST = sys.float_info.max
 
 
 def aims_of_run(run: RunLog) -> Aims:
     """Read the goals and constraints of a ``run`` from its provenance, with the weights in force.
-
-    Its measures have only names and cannot be called: this machine may lack those of a stranger's
-    run. Raises `RunError` if a measure's goal is missing or wrong.
-    """
+    Its measures have only names and cannot be called. Raises `RunError` for a damaged goal."""
     try:
         noted = {one["name"]: one for one in run.provenance["fitness"]}
         aims = Aims(tuple(_wanted_of(noted[name]) for name in run.header.measures))
         aims = aims.reweighted(StandingOrders.of(run.events(), len(run.generations)).weights)
         if not aims.names:
             raise ValueError("only constraints")
-    except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
-        lack = f"lacks a measure's goal ({type(error).__name__}: {error})"
-        raise damaged_provenance(run, lack) from error
-    except EvocityError as error:
-        lack = f"lacks a measure's goal ({str(error).splitlines()[0]})"
-        raise damaged_provenance(run, lack) from error
+    except (*DAMAGE, ArithmeticError, EvocityError) as error:
+        own = isinstance(error, EvocityError)
+        reason = str(error).splitlines()[0] if own else f"{type(error).__name__}: {error}"
+        raise damaged_provenance(run, f"lacks a measure's goal ({reason})") from error
     return aims
+
+
+@contextmanager
+def provenance_read(run: RunLog) -> Iterator[None]:
+    """Raise errors of reading a damaged provenance as `RunError`."""
+    try:
+        yield
+    except DAMAGE as error:
+        raise damaged_provenance(run, f"lacks a part ({error!r})") from None
 
 
 def damaged_provenance(run: RunLog, lack: str) -> RunError:
     """Return the error for a provenance with this ``lack``."""
     return RunError(
         f"{run.path}: provenance.json {lack}",
-        "a provenance as `evocity run` writes it",
-        "bring the file back from a copy",
+        "a file provenance.json as `evocity run` writes it",
+        "restore the file from a backup",
     )
 
 
@@ -80,9 +87,8 @@ def _refuse_call(city) -> float:
 
 
 def measured_births(run: RunLog, bounds: Collection[str], recorded: Sequence[str] = ()) -> pa.Table:
-    """Read the generation, id and values of all births with status ``ok``, by id. Measures that are
-    only ``bounds``, and those ``recorded``, may lack values. Births without a value of a goal that
-    a later recipe added are left out: nothing judges them."""
+    """Read the generation, id and values of all births with status ``ok``, by id. Only ``bounds``
+    and ``recorded`` measures may lack values; births without a value of a goal are left out."""
     values = [f"fitness.{name}" for name in run.header.measures]
     others = [f"fitness.{name}" for name in recorded if name not in run.header.measures]
     births = run.births(columns=["generation", "id", "status", "feasible", *values, *others])
@@ -98,9 +104,9 @@ def measured_births(run: RunLog, bounds: Collection[str], recorded: Sequence[str
     known = all(np.isfinite(column.astype(np.float64)).all() for column in columns)
     if not known or len(np.unique(array_of(births["id"]))) < len(births):
         raise RunError(
-            f"{run.path}: the births are damaged: an id occurs twice, or a number is missing",
-            "births as `evocity run` writes them; the living have a finite number for each measure",
-            "bring the file back from a copy",
+            f"{run.path}: the log of births is damaged: an id occurs twice, or a number is missing",
+            "births as `evocity run` writes them, with one id and finite numbers for each birth",
+            "restore the folder from a backup",
         )
     return births
 

@@ -28,23 +28,22 @@ _ROWS = 20_000  # births that are compared with the archive at a time
 
 @dataclass(frozen=True)
 class Archive(Displayed):
-    """The births of a run that no other birth dominates. In a run with a grid, they are the best
-    birth of each cell. The function `archive` makes the archive.
+    """Archive of a run: the births that no other birth dominates; if the run has a grid, the best
+    birth of each cell. The function `archive` makes an archive.
 
     Attributes
     ----------
-    births : Arrow table of these births by id. Its columns are ``generation``, ``id``,
-        ``fitness.<name>`` of each measure, ``crowding`` and ``alive``. Crowding is the distance
-        within the archive: the higher, the further from other births. Alive is true if the birth,
-        or an individual with the same values in all goals, lives in the last generation. In a run
-        with a grid the table is sorted by cell, and has ``alive`` and the columns of
-        `evocity.search.record.grid.Binned`.
+    births : Arrow table of the births in the archive, by id, with the columns ``generation``,
+        ``id``, ``fitness.<name>`` of each measure, ``crowding`` and ``alive``. The column
+        ``crowding`` holds the distance of each birth to its neighbours in the archive. The column
+        ``alive`` is true for births that live in the last generation, or equal a living individual
+        in all goals. If the run has a grid, the table ``births`` is sorted by cell; it has the
+        column ``alive`` and the columns of `evocity.search.record.grid.Binned`.
     hypervolume : hypervolume of the archive, in units of the first population's ranges as in the
-        run's history. None if the number of births and goals is so large that it would take
-        minutes.
-    hypervolume_alive : hypervolume of those individuals of the last generation that break no
-        constraint; NaN if it would take minutes.
-    grid : the cells that a run of ``map_elites`` fills; None for other runs.
+        run's history. The hypervolume is None if its computation would take minutes.
+    hypervolume_alive : hypervolume of the individuals of the last generation that break no
+        constraint, or NaN if the computation would take minutes.
+    grid : grid of cells that a run of ``map_elites`` fills; None for other runs.
     """
 
     births: pa.Table
@@ -57,22 +56,22 @@ class Archive(Displayed):
 
     @property
     def ids(self) -> np.ndarray:
-        """The ids of the births, in the order of ``births``, int64."""
+        """Ids of the births in the archive, in the order of the table ``births``, int64."""
         return array_of(self.births["id"])
 
 
 def archive(run: RunLog, last: int | None = None) -> Archive:
     """Find the archive of ``run``: the births that no other birth dominates by the goals of the
-    run. For a run that selects by map_elites, it is the best birth of each cell of the grid.
+    run. In a run of ``map_elites``, the archive contains the best birth of each cell of the grid.
 
-    The argument ``last`` is the last generation that counts, by default the last whole one. If the
-    run goes on, later births do not count.
+    The argument ``last`` is the last generation whose births may be in the archive, by default the
+    last complete generation.
 
-    A birth counts if its status is ok and it keeps all constraints. Of several births that are
-    equal in all goals, only the earliest counts. The file provenance.json holds the goals, targets,
-    weights and bounds.
+    An archive contains only births with the status ok that keep all constraints. If several births
+    are equal in all goals, the archive contains the earliest. The file provenance.json of the run
+    holds the goals, targets, weights and bounds.
 
-    Raises `RunError` if the run has no whole generation yet, is damaged, or does not record its
+    Raises `RunError` if the run has no complete generation yet, is damaged, or does not record its
     goals.
 
     >>> import evocity

@@ -25,8 +25,10 @@ MOST_PICKS = 10_000
 DONE, REFUSED = "command", "command refused"
 #: The event of another recipe that a run goes on by; it ends the weights set before.
 REVISED = "recipe"
+#: The event of a file of commands that was too long; the next line is the first of another file.
+ASIDE = "commands set aside"
 #: The events that `StandingOrders.of` reads.
-STEERING = (DONE, REFUSED, REVISED)
+STEERING = (DONE, REFUSED, REVISED, ASIDE)
 
 _Id = Annotated[int, Field(ge=0, lt=2**63)]
 _Weight = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
@@ -111,9 +113,9 @@ def command_of(document: Mapping | None) -> Command:
 
 @dataclass(frozen=True)
 class StandingOrders:
-    """The orders of all commands so far: ``picks``, ids in the order they were picked; the
-    ``share`` of births bred from them, None for the recipe's; new ``weights`` by name; whether to
-    ``stop`` now. ``read``: how many lines of the file were carried out or refused."""
+    """The orders of all commands so far: ``picks`` in the order they were picked; the ``share`` of
+    births bred from them, None for the recipe's; ``weights`` by name; whether to ``stop`` now.
+    ``read``: how many lines of the file were carried out or refused."""
 
     picks: tuple[int, ...] = ()
     share: float | None = None
@@ -136,32 +138,53 @@ class StandingOrders:
                 return replace(self, weights={**self.weights, **weights})
         raise TypeError(f"not a command: {command!r}")
 
-    def mark_read(self, lines: int) -> "StandingOrders":
-        """Return the same orders with so many ``lines`` of the file read."""
-        return replace(self, read=lines)
-
     @classmethod
     def of(cls, events: Iterable[Mapping], generation: int) -> "StandingOrders":
         """Return the orders after those ``events`` of a run that count from the ``generation`` on,
-        or from before; without a stop, which is over once the run goes on.
-
-        Raises ValueError for an event without a command."""
+        or from before, without a stop. The lines of all events are read. Raises ValueError for an
+        event without a command."""
         orders = cls()
-        for event in events:
-            since = event.get("generation")
-            if event.get("event") not in STEERING or not isinstance(since, int):
-                continue
-            if since > generation:
+        for event in steering_events(events):
+            if event["generation"] > generation:
                 continue
             if event["event"] == REVISED:
                 orders = replace(orders, weights={})
-            line = event.get("line")
-            if isinstance(line, int):
-                orders = replace(orders, read=max(orders.read, line + 1))
             if event["event"] == DONE:
                 command = command_of(event)
                 orders = orders if command.passing else orders.after(command)
-        return orders
+        return replace(orders, read=lines_read(events))
+
+
+def steering_events(events: Iterable[Mapping]) -> list[Mapping]:
+    """Return those of the ``events`` that steer a run, by the generation from which on they count:
+    a run whose last generations were set aside has logged events of later ones before."""
+    known = [
+        event
+        for event in events
+        if event.get("event") in STEERING and isinstance(event.get("generation"), int)
+    ]
+    return sorted(known, key=lambda event: event["generation"])
+
+
+def later_commands(events: Iterable[Mapping], generation: int) -> list[tuple[int, Command]]:
+    """Return the commands that counted from a generation after this ``generation`` on, which were
+    logged before later generations were set aside. Raises ValueError for an event without one."""
+    return [
+        (event["generation"], command_of(event))
+        for event in steering_events(events)
+        if event["event"] == DONE and event["generation"] > generation
+    ]
+
+
+def lines_read(events: Iterable[Mapping]) -> int:
+    """Return how many lines of the present file of commands were carried out or refused."""
+    count = 0
+    for event in events:
+        if event.get("event") == ASIDE:
+            count = 0
+        elif event.get("event") in STEERING and isinstance(line := event.get("line"), int):
+            count = max(count, line + 1)
+    return count
 
 
 @dataclass(frozen=True)
@@ -203,17 +226,15 @@ def send(path: str | os.PathLike, command: Command) -> bool:
     """Send a ``command`` to the run in ``path``; return whether the run goes on now.
 
     The search carries it out between two generations; a run that has stopped, when it is resumed.
-
-    Raises `RunError` if the command cannot be carried out: an individual was never born, failed or
-    is not picked; the run does not weigh a name; a run to be stopped has ended.
+    Raises `RunError` if the run cannot carry the command out.
     """
     run = CompleteRun(path)
     going = is_held(run.path / "lock")
     if isinstance(command, Stop) and not going:
         raise RunError(
-            f"{run.path}: no process works on this run: it has ended, or was stopped",
+            f"{run.path}: this run is not in progress: it has ended, or was stopped",
             "a run that is still running",
-            f"see the state of the run: evocity status {run.path}",
+            f"check the state of the run: evocity status {run.path}",
         )
     if isinstance(command, Pick):
         refuse_picks(str(run.provenance.get("recipe", {}).get("search", {}).get("algorithm")))
@@ -234,21 +255,23 @@ def send(path: str | os.PathLike, command: Command) -> bool:
 
 
 def pick(path: str | os.PathLike, ids: Sequence[int], share: float | None = None) -> bool:
-    """Breed also from the individuals ``ids`` of the run in ``path``, from the next generation on
-    and after a resume.
+    """Use the individuals with these ``ids`` of the run in ``path`` as additional parents, from the
+    next generation on and also after a resume.
 
-    One of these individuals is the first parent in a ``share`` of all births (0…1; by default the
-    recipe's ``[search] picks``). Earlier picks stay.
+    A picked individual is the first parent in the given ``share`` of all births (0…1; by default
+    the key ``picks`` of the recipe's section ``[search]``). Individuals that were picked earlier
+    stay picked.
 
-    Returns whether the run is in progress now. Raises the errors of `send`.
+    Returns whether the run is in progress now. Raises `RunError` if an individual was never born,
+    if it failed, or if the algorithm of the run accepts no picks.
     """
     try:
         command = Pick(ids=tuple(ids), share=share)
     except (ValidationError, TypeError) as error:
         raise RunError(
             f"the picks {_list_ids(ids)} with the share {spell(share)} are not valid",
-            "ids of births, one or more, and a share above 0 up to 1",
-            "take ids from `evocity status`, the report, or the births' `id` column",
+            "one or more ids of births, and a share above 0 and at most 1",
+            "take ids from `evocity status`, from the report, or from the births' column `id`",
         ) from error
     return send(path, command)
 
@@ -258,9 +281,9 @@ def refuse_picks(algorithm: str) -> None:
     kind = algorithms().get(algorithm)
     if kind is not None and kind.breeds_by is not None:
         raise RunError(
-            f"{algorithm} chooses its parents by itself and takes no picks",
+            f"the algorithm {algorithm} chooses its parents by itself and takes no picks",
             "a run whose algorithm lets the search choose parents",
-            "start another run from the picks: [[parents]] with run and id",
+            "start another run with the picks as [[parents]] (keys 'run' and 'id')",
         )
 
 
@@ -276,7 +299,7 @@ def refuse_failed(run: RunLog, births: Sequence[Birth]) -> None:
             raise RunError(
                 f"{run.path}: individual {birth.id} failed ({birth.error})",
                 "individuals that were bred and measured",
-                f"choose others from the front: evocity status {run.path}",
+                f"choose individuals that `evocity status {run.path}` lists",
             )
 
 
@@ -289,15 +312,13 @@ def _list_ids(ids) -> str:
 
 
 def _orders(run: RunLog) -> StandingOrders:
-    """The orders of a ``run`` with all pending commands; none if its log is damaged, which the next
-    resume reports."""
+    """The orders with all pending commands; none if the log is damaged, which a resume reports."""
     with contextlib.suppress(ValueError):
         return command_state(run).orders
     return StandingOrders()
 
 
 def _refuse_unpicked(run: RunLog, ids: Sequence[int]) -> None:
-    """Raise `RunError` unless all ``ids`` are picked, or without any, anybody is."""
     picks = _orders(run).picks
     unpicked = [identifier for identifier in ids if identifier not in picks]
     if unpicked or not picks:
@@ -305,14 +326,13 @@ def _refuse_unpicked(run: RunLog, ids: Sequence[int]) -> None:
         raise RunError(
             f"{run.path}: {' '.join(map(str, unpicked)) or 'nobody'} {verb} picked",
             f"some of {' '.join(map(str, picks))}" if picks else "a run that breeds from picks",
-            f"see who is picked: evocity status {run.path}",
+            f"list the picked individuals: evocity status {run.path}",
         )
 
 
 def weights_of_run(run: RunLog) -> tuple[list[dict[str, float]], list[str]]:
-    """Read what a ``run`` weighs: the operators of its mixture, or of each island's, to the weights
-    of its recipe, and the measures in sums. An algorithm that breeds by its own operator weighs
-    none."""
+    """Read what a ``run`` weighs: the operators of each mixture, to the weights of its recipe, and
+    the measures in sums. An algorithm that breeds by its own operator weighs no operators."""
     try:
         recipe = run.provenance["recipe"]
         kind = algorithms().get(str(recipe.get("search", {}).get("algorithm")))
@@ -339,24 +359,23 @@ def refuse_weights(
     where: str,
 ) -> None:
     """Raise `RunError` for weights of anything but operators of the ``mixtures`` and measures in
-    ``sums``, and for a measure's weight of 0. Raise it too if no operator of a mixture keeps a
-    weight, with those of ``orders``."""
+    ``sums``, for a measure's weight of 0, and if no operator of a mixture keeps a weight."""
     mixture = list(dict.fromkeys(name for weights in mixtures for name in weights))
     for name, weight in command.weights.items():
         if name not in (*mixture, *sums):
             known = [f"the operators {', '.join(mixture)}"] if mixture else []
             known += [f"the measures {', '.join(sums)}"] if sums else []
             raise RunError(
-                add_near_miss(f"{where} weighs no {spell(name)}", name, [*mixture, *sums]),
-                ", and ".join(known) or "a run that notes what it weighs",
-                "name one of them; a measure has a weight only in a sum, and one with its own goal "
-                "competes by itself; `cma` breeds without operators",
+                add_near_miss(f"{where} has no weight {spell(name)}", name, [*mixture, *sums]),
+                ", and ".join(known) or "a run that records its weights",
+                "name one of them; only measures in a sum have weights, and the algorithm `cma` "
+                "has no weights of operators",
             )
         if name in sums and weight == 0:
             raise RunError(
-                f"{where}: the weight of {name} would be 0",
-                "a weight above 0",
-                "use a small weight",
+                f"{where}: the new weight of the measure {name} is 0",
+                "a weight above 0 for each measure in a sum",
+                "give the measure a small weight instead, such as 0.001",
             )
     weights = {**orders.weights, **command.weights}
     for mixture in mixtures:
@@ -364,6 +383,6 @@ def refuse_weights(
             of_one = f" of an island ({', '.join(mixture)})" if len(mixtures) > 1 else ""
             raise RunError(
                 f"{where}: all operators{of_one} would have the weight 0",
-                "at least one weight above 0",
-                "keep the weight of one operator, or raise another",
+                "at least one operator with a weight above 0",
+                "leave the weight of one operator as it is, or give another operator a weight",
             )

@@ -1,7 +1,7 @@
 """The grid of a run: the best of its births in each cell, from the log."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,7 @@ import pyarrow as pa
 from evocity.columns import array_of, column_of
 from evocity.errors import RecipeError, RunError
 from evocity.search.record.aims import (
+    DAMAGE,
     aims_of_run,
     damaged_provenance,
     judge_births,
@@ -53,44 +54,46 @@ class Binned:
 def binned(
     run: RunLog, grid: Grid | None = None, last: int | None = None, goal: str | None = None
 ) -> Binned:
-    """Lay all births of ``run`` up to the generation ``last`` in a ``grid``, by default its own,
-    and keep the best of each cell: the least loss, then the first born. ``goal`` names the measure,
-    or the sum, whose loss counts, if the run has several goals.
+    """Sort the births of ``run``, up to the generation ``last``, into the cells of a ``grid``, and
+    find the best birth of each cell. The default grid is the grid of the run.
 
-    Only births with status ``ok`` count that keep all constraints and have a value of each
-    descriptor. The QD-score is that of `evocity.selection.cells.Quality`, by the run's first
-    generation.
+    The best birth of a cell is the birth with the least loss, or the earliest of several with equal
+    losses. If the run has several goals, the argument ``goal`` names the goal that determines the
+    best births. Cells contain only births with the status ok that keep all constraints and have a
+    value of each descriptor. The class `evocity.selection.cells.Quality` computes the QD-score from
+    the losses of the run's first generation.
 
-    Raises `RunError` if ``goal`` names none of several goals, if the run logs no such measure, if
-    it has no grid and none is given, or if it is damaged.
+    Raises `RunError` in four cases: ``goal`` is not one of several goals; the run does not log a
+    descriptor; neither run nor caller has a grid; the run is damaged.
     """
     aims = aims_of_run(run)
     grid = grid_of_run(run) if grid is None else grid
     if grid is None:
         raise RunError(
-            f"{run.path} has no grid of its own",
-            "a run of map_elites, or a grid for its births",
-            "give a grid: evocity.selection.cells.Grid(descriptors, counts, ranges)",
+            f"the run {run.path} has no grid, and no grid was given",
+            "a run of the algorithm map_elites, or a grid for the births",
+            "pass a grid: evocity.selection.cells.Grid(descriptors, counts, ranges)",
         )
     if goal not in aims.names and (goal is not None or len(aims.names) > 1):
         raise RunError(
             f"{run.path} has {len(aims.names)} goals, but goal = {goal!r} is not one of these",
-            "one goal, by which a cell keeps its best birth",
+            "the name of one goal, which decides the best birth of each cell",
             f"set goal to one of {', '.join(aims.names)}",
         )
     missing = [name for name in grid.descriptors if name not in run.header.columns]
     if missing:
         raise RunError(
-            f"{run.path} does not log {', '.join(missing)}",
-            f"some of {', '.join(run.header.columns)}",
-            "record the measure in the recipe: [run] record = [...]",
+            f"{run.path} does not log the descriptors {', '.join(missing)}",
+            f"descriptors among the logged measures: {', '.join(run.header.columns)}",
+            "choose other descriptors, or record these in the recipe: [run] record = [...]",
         )
     last = len(run.generations) - 1 if last is None else last
     births = measured_births(run, aims.bounds, grid.descriptors)
     births = births.filter(column_of(array_of(births["generation"]) <= last)).combine_chunks()
     losses, kept = judge_births(births, aims)
     losses = losses[:, aims.names.index(goal) if goal else 0]
-    cells = grid.cells(_values(births, grid.descriptors))
+    columns = [array_of(births[f"fitness.{name}"]) for name in grid.descriptors]
+    cells = grid.cells(np.column_stack(columns).astype(np.float64))
     order = np.lexsort((array_of(births["id"]), losses))
     order = order[(kept & (cells >= 0))[order]]
     _, at = np.unique(cells[order], return_index=True)
@@ -107,8 +110,7 @@ def binned(
 
 def grid_of_run(run: RunLog, island: str | None = None) -> Grid | None:
     """Read the grid by which ``run``, or an ``island`` of it, selects; None if it has none. Raises
-    `RunError` if its provenance lacks the grid, if it has no such island, or no whole generation
-    yet."""
+    `RunError` for a damaged grid, an unknown island, and without a whole generation."""
     noted = _search(run, island)
     name = noted.get("algorithm") if isinstance(noted, Mapping) else None
     kind = algorithms().get(name) if isinstance(name, str) else None
@@ -120,23 +122,20 @@ def grid_of_run(run: RunLog, island: str | None = None) -> Grid | None:
         if faults := keys.disagreements():
             raise ValueError("; ".join(map(": ".join, (fault[:2] for fault in faults))))
         ranges = keys.ranges or ranges_around(keys.descriptors, _sources(run), _limits(run))
-    except (LookupError, TypeError, AttributeError, ValueError) as error:
-        raise _unknown_grid(run, f"{type(error).__name__}: {error}") from error
-    except RecipeError as error:
-        raise _unknown_grid(run, error.found) from error
+    except (*DAMAGE, RecipeError) as error:
+        raise _unknown_grid(run, error) from error
     pairs = tuple((float(low), float(high)) for low, high in ranges)
     return Grid(tuple(keys.descriptors), tuple(keys.grid), pairs)
 
 
 def _search(run: RunLog, island: str | None) -> object:
-    """The selection of the run, or of an ``island``, in its provenance."""
     if island is not None and island not in run.header.islands:
         raise RunError(
             f"{run.path} has no island {island!r}",
             f"one of {', '.join(run.header.islands)}"
             if run.header.islands
             else "a run with islands",
-            "leave it out, or name one of its islands",
+            "name one of the islands, or leave the island out",
         )
     recipe = run.provenance.get("recipe")
     if not isinstance(recipe, Mapping) or (island is None and run.header.islands):
@@ -146,15 +145,16 @@ def _search(run: RunLog, island: str | None) -> object:
     try:
         return next(one["search"] for one in recipe["islands"] if one["name"] == island)
     except (LookupError, TypeError, StopIteration) as error:
-        raise _unknown_grid(run, f"{type(error).__name__}: {error}") from error
+        raise _unknown_grid(run, error) from error
 
 
-def _unknown_grid(run: RunLog, reason: str) -> RunError:
+def _unknown_grid(run: RunLog, error: Exception) -> RunError:
+    own = isinstance(error, RecipeError)
+    reason = error.found if own else f"{type(error).__name__}: {error}"
     return damaged_provenance(run, f"lacks the run's grid ({reason})")
 
 
 def _sources(run: RunLog) -> list[dict[str, float]]:
-    """The values of the source cities' own births."""
     columns = [f"fitness.{name}" for name in run.header.columns]
     rows = run.births(0, ["operator", *columns]).to_pylist()
     names = list(zip(run.header.columns, columns, strict=True))
@@ -166,7 +166,6 @@ def _sources(run: RunLog) -> list[dict[str, float]]:
 
 
 def _limits(run: RunLog) -> dict[str, tuple[float, float]]:
-    """The lowest and highest values that descriptors declare."""
     return {
         one["name"]: (
             -math.inf if one["low"] is None else float(one["low"]),
@@ -174,9 +173,3 @@ def _limits(run: RunLog) -> dict[str, tuple[float, float]]:
         )
         for one in run.provenance["descriptors"]
     }
-
-
-def _values(births: pa.Table, names: Sequence[str]) -> np.ndarray:
-    """Values ``(n, d)``, NaN for none."""
-    columns = [array_of(births[f"fitness.{name}"]) for name in names]
-    return np.column_stack(columns).astype(np.float64)

@@ -17,27 +17,26 @@ from evocity.store import Birth, RunLog
 
 def plan_of(run: RunLog, prepared: Prepared, identifier: int) -> Plan:
     """Draw the plan of the birth ``identifier`` of a ``run``: its operator with drawn parameters,
-    its parents, and its generator before the breeding.
+    its parents, and its generator before the breeding. ``prepared`` is of `read_preparation`.
 
-    ``prepared`` is of `evocity.search.resume.prepared_run.read_preparation`. Raises `RunError` if
-    the algorithm breeds by its own operator, whose parameters stand in ``made``; and if the log has
-    another operator or other parents, as of a run of another release.
+    Raises `RunError` if the algorithm breeds by its own operator, whose parameters stand in
+    ``made``, or if the log has another operator or other parents.
     """
     recipe = prepared.recipe
     if recipe.search.breeds_by is not None and identifier >= recipe.run.population:
         raise RunError(
-            f"the algorithm of {run.path}, {recipe.search.algorithm}, "
-            f"bred individual {identifier} by itself",
-            "a run that breeds by the operators of the recipe",
-            "read the parameters of the operator in `made` of the genome",
+            f"{run.path}: the algorithm {recipe.search.algorithm} bred individual {identifier} "
+            "with the operator of the algorithm",
+            "a run that breeds with the operators of the recipe",
+            "read the parameters of the operator in the genome's attribute `made`",
         )
     (plan,) = plans_of(run, prepared, [identifier])
     (birth,) = run.individuals([identifier])
     if (plan.name, tuple(plan.parents)) != (birth.operator, tuple(birth.parents)):
         raise RunError(
             f"{run.path}: individual {identifier} was bred by {birth.operator} from "
-            f"{list(birth.parents)}, but its seed now gives {plan.name} from {list(plan.parents)}",
-            "a run of this release whose births were all bred by the search",
+            f"{list(birth.parents)}, but the seed now gives {plan.name} from {list(plan.parents)}",
+            "a run of this release of evocity, whose births follow from its seed",
             "choose another individual",
         )
     return plan
@@ -63,7 +62,6 @@ def plans_of(run: RunLog, prepared: Prepared, ids: Iterable[int]) -> Iterator[Pl
 def _generation_plans(
     run: RunLog, prepared: Prepared, generation: int, ids: Iterable[int]
 ) -> Iterator[Plan]:
-    """Plans of one generation, from those who lived when it began."""
     size, guidance = prepared.recipe.run.population, UNGUIDED
     population = Archipelago(prepared)
     if generation:
@@ -75,8 +73,7 @@ def _generation_plans(
 
 
 def _window_plans(run: RunLog, prepared: Prepared, ids: Sequence[int]) -> Iterator[Plan]:
-    """Plans of births after generation 0 in a window, each from those who lived once the birth that
-    it waits for was admitted."""
+    """Plans in a window, from those who lived when the birth that each waits for was admitted."""
     size, window = prepared.recipe.run.population, prepared.recipe.search.window
     for generation, own in groupby(ids, lambda identifier: max(-1, (identifier - window) // size)):
         if generation < 0:
@@ -93,8 +90,7 @@ def _window_plans(run: RunLog, prepared: Prepared, ids: Sequence[int]) -> Iterat
 def _learner_plans(
     run: RunLog, prepared: Prepared, ids: Mapping[int, Sequence[int]]
 ) -> Iterator[Plan]:
-    """Plans of an algorithm that breeds by its own operator, generation -> ``ids``: it learns from
-    all earlier births again."""
+    """Plans of an algorithm with its own operator: it learns from all earlier births again."""
     recipe, weights = prepared.recipe, {}
     population = Archipelago(prepared)
     population.begin_with(births_without_genomes(run, 0))
@@ -153,8 +149,7 @@ class PastState:
 def _weights(
     run: RunLog, island: str | None, names: Collection[str], orders: StandingOrders, generation: int
 ) -> dict[str, float]:
-    """The weights of an ``island``'s operators ``names`` that replaced the recipe's: those of
-    commands, or what credit made of them."""
+    """The weights that commands or credit set in place of the recipe's."""
     for event in reversed(run.events()):  # a generation that was stopped has two
         if event.get("event") == "weights" and event.get("generation") == generation:
             return event["weights"] if island is None else event["weights"][island]

@@ -27,7 +27,7 @@ from evocity.search.preparation.preparation import (
 )
 from evocity.search.preparation.provenance import find_copies
 from evocity.search.preparation.trust import NO_PERMISSION, Permission, refuse_untrusted
-from evocity.search.record.aims import damaged_provenance
+from evocity.search.record.aims import provenance_read
 from evocity.search.resume.recipe_changes import apply_overrides, refuse_revision, revised_header
 from evocity.store import Header, RunLog, Source
 
@@ -54,22 +54,21 @@ def read_preparation(
     """Read what a ``run`` was prepared with, and describe what changed since.
 
     Its own measures are executed, unless they changed or the run is not trusted; the ``permission``
-    allows both. ``overrides`` replace values of its recipe, as {"run.generations": 400}; None keeps
-    one. ``revised``: another recipe to go on by; then nothing of the run's own is executed.
-
-    Raises `RunError` as `Search.resume` says.
+    allows both. ``overrides`` replace values of its recipe, as {"run.generations": 400}. With
+    another recipe, ``revised``, nothing of the run is executed. Raises as `Search.resume`.
     """
     header = run.header
-    try:
+    with provenance_read(run):
         copies = find_copies(run.path, recipe_folder(run), noted_measures(run.provenance))
         if revised is None:
             changes = changes_of(run, copies)
             if changes and not permission.accept_changes:
                 raise RunError(
-                    f"{run.path}: changed since the run began: {'; '.join(changes)}",
-                    "the recipe, maps and measures as at the start of the run",
-                    f"undo the change, or confirm it with {keyword('accept_changes', True)}: "
-                    "the living then keep their earlier values",
+                    f"{run.path}: inputs have changed since the run began: {'; '.join(changes)}",
+                    "the same recipe, maps and measures as at the start of the run",
+                    "undo the change; or confirm the change with "
+                    f"{keyword('accept_changes', True)}, which keeps the values of the living "
+                    "individuals",
                 )
             if not permission.trust:
                 refuse_untrusted(run, bool(changes and copies))
@@ -93,8 +92,6 @@ def read_preparation(
         cities = [source.city for source in sources]
         references = references_of(recipe, cities, named)
         within = parts_of(recipe, cities, _read_masks(run))
-    except (LookupError, TypeError, AttributeError, ValueError) as error:
-        raise damaged_provenance(run, f"lacks a part ({error!r})") from None
     layer = run.condensation
     prepared = Prepared(recipe, sources, aims, header, layer, (), references, named, within)
     return prepared, changes
@@ -117,13 +114,12 @@ def _recipe(run: RunLog, overrides: Mapping[str, object], copies: Mapping[str, s
 
 
 def _refuse_another_run(run: RunLog, header: Header, recipe: Recipe) -> None:
-    """Raise `RunError` for a change that one run, with this ``header``, cannot have."""
     search = run.provenance["recipe"].get("search", _BEFORE_ALGORITHMS)
     fixed = {
         "run.seed": (header.seed, recipe.run.seed),
         "run.population": (header.population, recipe.run.population),
         "run.kind": (header.kind, recipe.kind.name),
-        "curves": (_curves(run.recipe_text), _curves(recipe.text)),
+        "curves": [tomllib.loads(t).get("curves", []) for t in (run.recipe_text, recipe.text)],
         "genome.block": (header.block, recipe.genome.block if header.block else None),
         "genome.sigma_max": (header.sigma_max, recipe.genome.sigma_max),
         "genome.settle": (header.settle, recipe.genome.settle),
@@ -150,20 +146,18 @@ def _refuse_another_run(run: RunLog, header: Header, recipe: Recipe) -> None:
         if before != now:
             raise RunError(
                 f"{run.path}: {key} was {before} and is now {now}",
-                f"{key} as at the start of the run: its births must stay comparable",
+                f"{key} as at the start of the run, so that all births of the run stay comparable",
                 "undo the change, or start a new run with the new recipe",
             )
     done = len(run.generations) - 1
     if recipe.run.generations < done:
         raise RunError(
-            f"{run.path}: generations = {recipe.run.generations}, but {done} are done",
-            f"{done} or more: a run keeps all its generations",
-            "ask for more generations, or leave the number out to keep the number of the recipe",
+            f"{run.path}: generations = {recipe.run.generations}, but the run already has {done} "
+            "generations",
+            f"{done} generations or more, because a run keeps all its generations",
+            "give a larger number of generations, or leave generations out to keep the number in "
+            "the recipe",
         )
-
-
-def _curves(text: str) -> object:
-    return tomllib.loads(text).get("curves", [])
 
 
 def _islands(run: RunLog) -> list[str]:
@@ -177,8 +171,7 @@ def _islands_of(recipe: Recipe) -> list[str]:
 
 
 def _read_sources(run: RunLog, recipe: Recipe) -> list[Source]:
-    sources = run.sources()
-    fault = ""
+    sources, fault = run.sources(), ""
     if len(sources) != len(recipe.parents):
         fault = f"holds {len(sources)} cities of {len(recipe.parents)}"
     else:
@@ -192,8 +185,7 @@ def _read_sources(run: RunLog, recipe: Recipe) -> list[Source]:
 
 
 def _read_references(run: RunLog, recipe: Recipe, sources: list[Source]) -> Mapping[str, CityMap]:
-    """The cities that measures compare with, by the recipe's names. Runs of older releases kept
-    none: their files are read again."""
+    """The cities by the recipe's names. Runs of older releases kept none: their files are read."""
     noted = run.provenance.get("references")
     if noted is None:
         cities = [source.city for source in sources]
@@ -212,7 +204,6 @@ def _read_references(run: RunLog, recipe: Recipe, sources: list[Source]) -> Mapp
 
 
 def _read_masks(run: RunLog) -> Mapping[str, np.ndarray]:
-    """The parts that measures are taken of, by the recipe's names."""
     noted = run.provenance.get("within", [])
     masks = run.parts()
     hashes = [store.hash_of_mask(mask) for mask in masks]
@@ -226,5 +217,5 @@ def _altered_error(run: RunLog, folder: str, fault: str, what: str) -> RunError:
     return RunError(
         f"{run.path / folder} {fault}",
         f"{what}, as at the start of the run",
-        "bring the folder back from a copy, or start a new run with the same recipe",
+        "restore the folder from a backup, or start a new run with the same recipe",
     )

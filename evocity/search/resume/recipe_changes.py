@@ -72,12 +72,12 @@ def refuse_revision(run: RunLog, recipe: Recipe) -> None:
         return
     listed = "\n  ".join(faults)
     raise RecipeError(
-        f"{run.path} cannot go on with {recipe.file or 'this recipe'}:\n  {listed}",
-        "changes only of: weights and parameters of operators; targets, bounds and weights of "
-        "measures; generations, [stop], [notify], [evaluation] and [refine]. All measures so far "
-        "stay as goals, bounds or in run.record, where more measures may join them",
-        "undo the other changes; or start a new run, whose [[parents]] may be individuals of this "
-        "run (run and id)",
+        f"{run.path} cannot continue with {recipe.file or 'this recipe'}:\n  {listed}",
+        "changes only in these parts: weights and parameters of operators; targets, bounds and "
+        "weights of measures; generations; [stop], [notify], [evaluation] and [refine]. Each "
+        "measure of the run stays a goal, a bound, or in run.record; run.record may get new ones",
+        "undo all other changes, or start a new run; its [[parents]] may be individuals of this "
+        "run (keys 'run' and 'id')",
     )
 
 
@@ -127,7 +127,6 @@ def revised_header(recipe: Recipe, header: Header) -> Header:
 
 
 def _measure_faults(run: RunLog, recipe: Recipe) -> list[str]:
-    """Faults of the measures of a ``recipe`` for a ``run``."""
     header, fresh = run.header, revised_header(recipe, run.header)
     noted = {one["name"]: one for one in noted_measures(run.provenance)}
     now = {one.name: (entry, one) for entry in recipe.entries for one in entry.measures}
@@ -183,7 +182,6 @@ def _measure_faults(run: RunLog, recipe: Recipe) -> list[str]:
 
 
 def _sorted_maps(recipe: Recipe, cities: object) -> object:
-    """The maps that a measure compares with, sorted."""
     return cities if cities == PARENTS else sorted(map_of(recipe, one) for one in cities)
 
 

@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 from evocity.citymap import CityMap
 from evocity.coding.fit import fit_attractor
 from evocity.coding.optimiser import WITHOUT_GRADIENTS
-from evocity.errors import EvocityError, RunError, keyword, spell
+from evocity.errors import EvocityError, RunError, check_number, check_word
 from evocity.evaluation import Here
 from evocity.evaluation.evaluator import Outcome
 from evocity.genome import VOID, Genome
@@ -105,46 +105,52 @@ def refine(
     Parameters
     ----------
     run : folder of a run, or an object of `evocity.open_run`. The run may be finished or in
-        progress, and stays unchanged.
-    id : number of an individual that the run has bred and measured.
-    way : part of the individual that is tuned, one of four words. With "lambda_field" it is the
-        choice of street blocks that take the fabric of others (`evocity.operators.LambdaField`). A
-        field of ``side`` × ``side`` values for each of the others is tuned from coarse to fine. The
-        budget is spent in rounds; each round starts at the best result of the round before. With
-        "heights" it is the heights of street blocks, tuned by ``side`` × ``side`` factors
-        (`evocity.operators.HeightField`). With "parameters" it is the numeric parameters of the
-        operator that bred the individual; the random draws stay the same. The argument ``tune``
-        names these parameters; by default all are tuned. With "fit" it is σ and β of all lifs,
-        until the individual's map is closest to the map of ``towards``
-        (`evocity.coding.fit.fit_attractor`). The goals of the run then do not count.
-    budget : largest number of evaluations, 1…1000000. Equal children are measured once.
-    algorithm : NLopt's "sbplx", "cobyla" or "bobyqa". The way "fit" has its own algorithm.
+        progress, and the refinement does not change it.
+    id : id of an individual that the run has bred and measured.
+    way : name of the refinement: "lambda_field", "heights", "parameters" or "fit". With
+        ``way="lambda_field"``, the refinement tunes which street blocks take the fabric of other
+        individuals (`evocity.operators.LambdaField`). For each of the other individuals, the
+        refinement tunes ``side`` × ``side`` values of a field from coarse to fine, in rounds. Each
+        round of the refinement starts at the best result of the round before. With
+        ``way="heights"``, the refinement tunes ``side`` × ``side`` factors of the heights of street
+        blocks (`evocity.operators.HeightField`). With ``way="parameters"``, the refinement tunes
+        numeric parameters of the operator that bred the individual; the operator's random draws do
+        not change. With ``way="fit"``, the refinement tunes σ and β of all lifs until the decoded
+        map is closest to the map ``towards`` (`evocity.coding.fit.fit_attractor`). With
+        ``way="fit"``, the refinement ignores the goals of the run.
+    budget : largest number of evaluations, 1…1000000. If several children are equal, the refinement
+        measures only the first.
+    algorithm : name of NLopt's algorithm, "sbplx", "cobyla" or "bobyqa"; the refinement with
+        ``way="fit"`` does not use it.
     side : number of values along each side of a field, 1…16; 4 to 8 is a good choice.
-    rounds : number of rounds, 1…1000. The default is one for each ten evaluations with "sbplx", and
-        four with the other algorithms.
-    others : ids of individuals whose fabric each round offers. By default each round offers two: an
-        individual of the last generation, drawn by ``seed``, and a variant of the individual
-        itself. The run's own operators breed this variant in three steps, and nothing measures it.
+    rounds : number of rounds, 1…1000. The default number of rounds is one for each ten evaluations
+        with "sbplx", and four with the other algorithms.
+    others : ids of the other individuals whose fabric the refinement tries in each round. By
+        default, each round uses two other individuals: one that ``seed`` draws from the last
+        generation, and a variant of the refined individual. In three steps, the run's operators
+        breed a variant of the refined individual; the variant is not measured.
+    tune : names of the parameters to tune with ``way="parameters"``; by default all parameters.
     accept_changes : whether to continue although the recipe, a map or a measure has changed since
         the run.
     trust : whether to execute the measures of a run that started on another machine.
-    progress : function that is called with (evaluations, best score).
+    progress : function that is called with the number of evaluations and the best score so far.
     told : function that is called with a few words on each step of the preparation.
 
     Returns
     -------
-    Refined : result of the refinement. The genome's ``made`` describes it under the key
-        ``refined``.
+    Refined : result of the refinement. In the result's genome, the attribute ``made`` describes the
+        refinement under the key ``refined``.
 
     Raises
     ------
-    RunError : the run has no individual of this id, the individual failed, or the inputs of the run
-        have changed.
-    OperatorError : the individual has nothing to tune in this way.
-    EvocityError : the way, the algorithm or a number is wrong.
+    RunError : error if the run has no individual with this id, if the individual failed, or if the
+        inputs of the run have changed.
+    OperatorError : error if the individual has nothing that the refinement can tune.
+    EvocityError : the argument ``way`` or ``algorithm`` is unknown, or a number is out of range.
 
-    Failed children count as evaluations, and as worse than all others. Every other exception that a
-    user's measure raises in this process is passed on, Ctrl-C too.
+    A failed child counts as an evaluation, and as worse than all children that succeeded. If a
+    user's measure raises an exception in this process that does not count as a failed child, the
+    refinement ends, as with Ctrl-C.
     """
     _refuse_arguments(way, budget, algorithm, side, rounds, towards)
     say = told or (lambda text: None)
@@ -155,8 +161,6 @@ def refine(
     prepared = _with_void(read_preparation(run, None, permission)[0])
     engine = compile_and_start(prepared, Crew(0), say)
     score = score_of(run, prepared)
-    if way == "fit":
-        return _fit_to_map(birth, towards, budget, score, engine, progress)
 
     def breed(*job) -> Outcome:
         return engine.run("breed", [job])[0]
@@ -175,13 +179,15 @@ def refine(
         )
 
     recipe, parents = prepared.recipe, (birth.genome,)
-    if way != "parameters" and any("parents" in one.takes for one in recipe.measures):
+    if way not in ("parameters", "fit") and any("parents" in one.takes for one in recipe.measures):
         (outcome,) = engine.run("evaluate", [(birth.genome, parents)])  # as its children are
         if outcome.status == "ok":
             birth = replace(birth, values=outcome.values)
     offered: Mapping[int, None] = {}
     local = recipe.at(birth.id % recipe.run.population)
-    if way == "lambda_field":
+    if way == "fit":
+        climbed = _fit_to_map(birth, towards, budget, score, engine, progress)
+    elif way == "lambda_field":
         sources = [one.genome for one in prepared.sources]
         donors = Donors(run, birth, others, local, sources, breed, seed)
         offered, make = donors.offered_ids, partial(recipe.operator, "lambda_field")
@@ -213,6 +219,8 @@ def refine(
         "score_before": round_score(before[1]),
         "score": round_score(climbed.score[1]),
     }
+    if way == "fit":
+        noted = {key: noted[key] for key in ("way", "id", "evaluations")}
     made = {**climbed.genome.made, "refined": noted}
     return Refined(
         climbed.genome.replace(made=made),
@@ -232,9 +240,8 @@ def refine(
 
 class Donors:
     """Offers genomes in each round: all named ``ids``, or else one individual of the last
-    generation and a variant of the best so far. The ``recipe``'s own operators breed the variant in
-    a few steps, with drawn parameters; nobody measures it. ``sources`` are further parents of
-    operators that take from anywhere."""
+    generation and a variant of the best so far, which the ``recipe``'s own operators breed in a few
+    steps. ``sources`` are further parents of operators that take from anywhere."""
 
     def __init__(
         self,
@@ -253,9 +260,10 @@ class Donors:
         self._others = [other for other in others if other.genome.digest != birth.genome.digest]
         if self._named and not self._others:
             raise RunError(
-                f"{run.path}: individual {birth.id} has no other individual to take fabric from",
-                "at least one other individual",
-                "name other individuals; without names, the last generation gives its fabric",
+                f"{run.path}: all other individuals have the genome of individual {birth.id}",
+                "at least one individual with a different genome",
+                "name other individuals, or name no individual to take fabric from the last "
+                "generation",
             )
         self._breed, self._sources = breed, sources
         self._recipe, self._rng = recipe, np.random.default_rng(seed)
@@ -307,25 +315,23 @@ def score_of(run: RunLog, prepared: Prepared) -> Score:
     if not len(first):
         raise RunError(
             f"{run.path}: no birth of the first generation was measured",
-            "measured births in the first generation, whose ranges scale the goals",
+            "measured births in the first generation, because their values scale the goals",
             "choose another run",
         )
     return Score.of(aims, judge_births(first, aims)[0])
 
 
 def _refuse_arguments(way: str, budget: int, algorithm: str, side: int, rounds, towards) -> None:
-    for key, value, known in (("way", way, WAYS), ("algorithm", algorithm, WITHOUT_GRADIENTS)):
-        if value not in known:
-            allowed = ", ".join(map(spell, known))
-            raise EvocityError(keyword(key, value), f"one of {allowed}", "choose one of these")
+    check_word("way", way, WAYS)
+    check_word("algorithm", algorithm, WITHOUT_GRADIENTS)
     numbers = [("budget", budget, MOST_BUDGET), ("side", side, MOST_SIDE)]
     numbers += [] if rounds is None else [("rounds", rounds, 1000)]
     for key, value, most in numbers:
-        if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= most:
-            raise EvocityError(keyword(key, value), f"a whole number, 1…{most}", "correct it")
+        check_number(key, value, 1, most, f"a whole number from 1 to {most}", whole=True)
     if (towards is None) == (way == "fit"):
         found = "no map to fit to" if towards is None else f"a map to fit to, with way = {way!r}"
-        raise EvocityError(found, "a map with way = 'fit', and only with it", "correct one of them")
+        allowed = "a map to fit to if the way is 'fit', and no map with another way"
+        raise EvocityError(found, allowed, "correct the way, or the map")
 
 
 def _climb_in_rounds(
@@ -335,8 +341,7 @@ def _climb_in_rounds(
     budget: int,
     each: int,
 ) -> ClimbResult:
-    """The best of several climbs of ``each`` so many evaluations, each from the best of the climb
-    before. A round that finds no more new children leaves its rest to the next ones."""
+    """The best of several climbs; one that finds no new children leaves its rest to the next."""
     best, idle = start, 0
     while best.evaluations < budget and idle < _IDLE:
         tuning = field(best.genome)
@@ -358,7 +363,7 @@ def _climb_in_rounds(
 
 def _fit_to_map(
     birth: Birth, towards: CityMap, budget: int, score: Score, engine: Here, progress
-) -> Refined:
+) -> ClimbResult:
     before = score(birth.values)
     tried = 0
 
@@ -372,19 +377,7 @@ def _fit_to_map(
     outcome = Outcome("ok", values=birth.values)
     if fitted is not birth.genome:
         (outcome,) = engine.run("evaluate", [(fitted, (birth.genome,))])
-    noted = {"way": "fit", "id": birth.id, "evaluations": tried}
-    failed = outcome.status != "ok"
+    failed, better = outcome.status != "ok", fitted is not birth.genome
     after = (np.inf, np.nan) if failed else score(outcome.values)
-    return Refined(
-        fitted.replace(made={**fitted.made, "refined": noted}),
-        dict(outcome.values),
-        dict(birth.values),
-        after[1],
-        before[1],
-        tried,
-        int(failed),
-        outcome.error,
-        better=fitted is not birth.genome,
-        violation=after[0],
-        bred=tried,
-    )
+    error = outcome.error
+    return ClimbResult(fitted, outcome.values, after, tried, int(failed), error, better, tried)

@@ -1,20 +1,20 @@
 """Replay: births of a run bred and measured a second time, and compared bit for bit."""
 
+import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 
-from evocity.errors import RunError, keyword
+from evocity.errors import RunError, check_number, keyword
 from evocity.evaluation import Engine
 from evocity.search.breeding.births import LOST, Offspring, breed_plans, stream_offspring
 from evocity.search.breeding.plans import Plan
 from evocity.search.preparation.preparation import Prepared
 from evocity.search.preparation.startup import Crew, compile_and_start
 from evocity.search.preparation.trust import Permission
-from evocity.search.record.complete_run import CompleteRun
-from evocity.search.record.diff import differences
+from evocity.search.record.complete_run import CompleteRun, differences
 from evocity.search.resume.logged_plans import plans_of
 from evocity.search.resume.prepared_run import read_preparation
 from evocity.search.resume.recipe_changes import columns_of
@@ -45,24 +45,26 @@ def replay(
     workers: int = 0,
     progress: Callable[[int], None] = lambda done: None,
 ) -> list[Replayed]:
-    """Repeat births of a run from its log, and compare the results with the log: parents, operator,
-    child and measures. The result has the order of ``ids``.
+    """Repeat births of a run, and compare the parents, operator, child and measures of each birth
+    with the log. Return one result for each of the ``ids``, in the same order.
 
-    The run may be in progress, and stays unchanged. Measures that the run brings are executed.
+    The run may be in progress, and replaying it does not change it. Replaying executes the measure
+    files in the run folder.
 
-    ids : ids of the births to repeat; None for all.
-    trust, accept_changes : as in `evocity.Search.resume`.
-    workers : number of processes, with the recipe's deadline and memory limit. 0 uses this process,
-        without limits. A birth that ended because of a limit, or because its worker died, is then
-        bred but not measured. It is bred only if the log has its genome.
+    ids : ids of the births to repeat; None repeats all births.
+    trust, accept_changes : permissions, as in `evocity.Search.resume`.
+    workers : number of processes, with the recipe's deadline and memory limit. With ``workers=0``,
+        this process repeats the births without limits of time and memory. Births that exceeded a
+        limit or whose worker died are bred if the log has their genomes, but are not measured.
     progress : function that is called with the number of finished births.
 
-    Raises `RunError` as `evocity.Search.resume` does, and if the run has no birth of one of the
-    ``ids``.
+    Raises `RunError` if one of the ``ids`` is not a birth of the run, and for the same faults as
+    `evocity.Search.resume`.
     """
     run = run if isinstance(run, RunLog) else CompleteRun(run)
-    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 0:
-        raise RunError(f"workers={workers!r}", "a whole number, 0 or more", "correct workers")
+    expected = "a whole number of processes, 0 or more"
+    remedy = "pass 0 to use this process, or a number of worker processes"
+    check_number("workers", workers, 0, math.inf, expected, RunError, remedy, whole=True)
     known = run.births(columns=["id"])["id"].to_pylist()
     ids = known if ids is None else list(ids)
     known = set(known)
@@ -83,7 +85,6 @@ def replay(
 def _replay_ids(
     run: RunLog, prepared: Prepared, ids: list[int], workers: int
 ) -> Iterator[Replayed]:
-    """Replay births that one recipe bred."""
     crew, size = Crew(workers), run.header.population
     with closing(compile_and_start(prepared, crew, lambda text: None)) as engine:
         for _, group in groupby(plans_of(run, prepared, ids), lambda plan: plan.id // size):
@@ -122,16 +123,12 @@ def _breed_only(then: Birth, plan: Plan, engine: Engine) -> Replayed:
 
 
 def _recipe_number(run: RunLog, generation: int) -> int | None:
-    """Which of the run's earlier recipes bred a ``generation``, from 1; None for the present
-    one."""
-    for number, note in enumerate(run.provenance["recipe"].get("before", ()), 1):
-        if generation < note["generations"]:
-            return number
-    return None
+    """The number of the earlier recipe that bred a ``generation``; None for the present one."""
+    notes = enumerate(run.provenance["recipe"].get("before", ()), 1)
+    return next((number for number, note in notes if generation < note["generations"]), None)
 
 
 def _earlier_preparation(run: RunLog, number: int, permission: Permission) -> Prepared:
-    """The preparation of the ``run`` by its earlier recipe of this ``number``."""
     then = CompleteRun(run.path)
     notes = run.provenance["recipe"]["before"][number - 1 :]
     then.provenance = {**run.provenance, "recipe": run.provenance["recipe"] | notes[0]}
@@ -142,9 +139,9 @@ def _earlier_preparation(run: RunLog, number: int, permission: Permission) -> Pr
     then.recipe_text = run.earlier_recipe(number)
     if then.recipe_text is None:
         raise RunError(
-            f"{run.path / notes[0]['file']} is missing",
-            "the recipe of these births",
-            "bring the file back from a copy",
+            f"the recipe {run.path / notes[0]['file']} is missing",
+            "the file of the recipe that bred these births",
+            "restore the file from a backup",
         )
     overrides = {"run.generations": max(1, len(run.generations) - 1)}
     return read_preparation(then, overrides, permission)[0]

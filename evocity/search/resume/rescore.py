@@ -42,15 +42,13 @@ def rescore_run(
     tell: Callable[[str], None],
 ) -> dict:
     """Rewrite the log of a ``run`` by the header and the goals of ``prepared``, beside the old log;
-    see `evocity.store.rewrite`. Births that are ok are scored by the measures of which they have no
-    column. A measure that fails leaves the birth as it is, without its value. ``about``: what the
-    numbers depend on; ``start`` returns what evaluates; ``tell`` is called with progress.
+    see `evocity.store.rewrite`. Births that are ok are scored by new measures; a measure that fails
+    leaves no value. ``about``: what the numbers depend on; ``start`` returns what evaluates.
 
     Returns what provenance notes of it: the new ``measures``, how many ``births`` were scored, and
-    how many of them lack a value (``lacking``, by the measure).
-
-    Raises `RunError`, and leaves the run as it is, if on an island
-    nobody of the first generation has a value of each goal, or nobody who lives.
+    how many of them lack a value (``lacking``, by the measure). Raises `RunError`, and leaves the
+    run as it is, if on an island nobody of the first generation, or of the living, has values of
+    all goals.
     """
     header, population = prepared.header, Archipelago(prepared)
     new = [name for name in header.columns if name not in run.header.columns]
@@ -108,7 +106,6 @@ def _outcomes(
     start: Callable[[Prepared], Engine],
     tell: Callable[[str], None],
 ) -> Iterator[dict[int, Outcome]]:
-    """Id -> outcome of each generation from the ``first`` on, in order."""
     states = run.births(columns=["generation", "status"])
     counted = pc.and_(
         pc.equal(states["status"], "ok"), pc.greater_equal(states["generation"], first)
@@ -167,8 +164,7 @@ class _Scoring:
             yield birth.genome, own
 
     def _blocks(self) -> Iterator[list[int]]:
-        """The ids of births to be scored: of some generations at a time, or parts of a large
-        one."""
+        """Ids of births to be scored: of some generations at a time, or parts of a large one."""
         waiting: list[int] = []
         for generation in self._generations:
             rows = self._run.births(generation, ["id", "status", "genome"]).to_pylist()
@@ -205,8 +201,7 @@ def _add_columns(
     header: Header,
     aims: Aims,
 ) -> pa.Table:
-    """The ``births`` with columns of the ``new`` measures, the reasons of missing values, and which
-    keep the constraints now."""
+    """Add values of the ``new`` measures; renew errors, and which births keep the constraints."""
     ids = births["id"].to_pylist()
     for name in new:
         values = [outcomes[k].values.get(name) if k in outcomes else None for k in ids]
@@ -224,7 +219,6 @@ def _replace_column(births: pa.Table, name: str, column: pa.Array) -> pa.Table:
 
 
 def _error(error: str | None, outcome: Outcome | None, new: Sequence[str]) -> str | None:
-    """An earlier ``error``, and why the birth lacks a value of a new measure."""
     if outcome is None or outcome.error is None:
         return error
     reason = outcome.error.removeprefix(UNRECORDED)
@@ -237,15 +231,14 @@ def _error(error: str | None, outcome: Outcome | None, new: Sequence[str]) -> st
 def _members(
     run: RunLog, generation: int, known: Mapping[int, Birth]
 ) -> dict[str | None, list[Birth]]:
-    """The members of a ``generation``, island -> births, taken from ``known`` ones."""
     living: dict[str | None, list[Birth]] = {}
     for row in run.members(generation).to_pylist():
         if row["id"] not in known:
             raise RunError(
                 f"{run.path}: individual {row['id']} lives in generation {generation}, but was "
-                "neither born then nor alive before",
+                "neither born in this generation nor alive in the generation before",
                 "a run folder as `evocity run` writes it",
-                "bring the folder back from a copy",
+                "restore the folder from a backup",
             )
         living.setdefault(row.get("island"), []).append(known[row["id"]])
     return living
@@ -271,8 +264,7 @@ def _refuse_unjudged(
     judged: Sequence[bool],
     outcomes: Mapping[int, Outcome] | None = None,
 ) -> None:
-    """Raise `RunError` unless each island has somebody ``judged`` in a ``generation``, which has
-    these ``outcomes``."""
+    """Raise `RunError` unless each island has somebody ``judged`` in a ``generation``."""
     if all(judged):
         return
     writer.drop_rewrites()
@@ -283,7 +275,8 @@ def _refuse_unjudged(
     raise RunError(
         f"{prepared.recipe.file or 'this recipe'} cannot score {run.path}: no individual of "
         f"generation {generation}{where} has a value of each goal{reason}",
-        "a value of each goal for at least one birth of the first generation, and for at least "
-        "one of the living",
-        "correct the measure, or only record it for now: [run] record = [...]",
+        "at least one birth of the first generation, and one living individual, with a value of "
+        "each goal",
+        "correct the measure that has no value, or record this measure without a goal: [run] "
+        "record = [...]",
     )

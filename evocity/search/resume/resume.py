@@ -31,14 +31,21 @@ from evocity.search.preparation.startup import Crew, compile_and_start
 from evocity.search.preparation.trust import Permission, add_mark
 from evocity.search.record.aims import (
     births_without_genomes,
-    damaged_provenance,
     iterate_generations,
+    provenance_read,
 )
-from evocity.search.record.commands import REVISED, StandingOrders
+from evocity.search.record.commands import (
+    ASIDE,
+    REVISED,
+    StandingOrders,
+    later_commands,
+    lines_read,
+)
 from evocity.search.record.complete_run import CompleteRun
 from evocity.search.resume.prepared_run import read_preparation
 from evocity.search.resume.recipe_changes import changed_keys, flatten_keys
 from evocity.search.resume.rescore import describe_rescoring, rescore_run
+from evocity.search.steering.execution import Births, Steering
 from evocity.selection.algorithms import algorithms
 from evocity.store import Birth, RunLog, RunWriter
 from evocity.store.events import KILLED, was_killed
@@ -47,8 +54,6 @@ from evocity.store.events import KILLED, was_killed
 _NOTED_VERSIONS = ("evocity", "numpy", "numba")
 #: The keys of provenance with measures.
 _MEASURE_KEYS = ("fitness", "recorded")
-#: What a damaged provenance raises where it is read.
-_DAMAGED = (LookupError, TypeError, AttributeError, ValueError)
 
 
 @dataclass(frozen=True)
@@ -83,6 +88,12 @@ class ResumedRun:
         events = self.run.events()
         return {name: credit_of(self.run, aims, events, name) for name, aims in by_island.items()}
 
+    def steering(self, births: Births) -> Steering:
+        """Return the steering that goes on by the commands so far; ``births`` finds genomes."""
+        orders, old = orders_of(self.run, self.next), self.writer.count_commands()
+        later = later_commands(self.run.events(), self.next)
+        return Steering(self.prepared.recipe, births, orders, old, later)
+
     def restore(self, population: Archipelago) -> None:
         """Restore the new ``population`` and its algorithms to the state of the run."""
         run, search = self.run, self.prepared.recipe.search
@@ -103,23 +114,18 @@ def reopen_run(
     crew: tuple[int | None, str | None],
     tell: Callable[[str], None],
 ) -> ResumedRun:
-    """Reopen the run in ``path``.
-
-    overrides : replace values of the recipe; None keeps one. revised : another recipe to go on by.
-    crew : workers and cluster in place of the recipe's, which score old births by its new measures;
-    tell : is called with their progress. Raises `RunError` as `Search.resume` says.
-    """
+    """Reopen the run in ``path``. ``overrides`` replace values of the recipe, ``revised`` the
+    recipe; ``crew`` are workers and cluster in place of the recipe's, ``tell`` is called with
+    progress. Raises as `Search.resume`."""
     undo_unfinished_revision(path)
     run = CompleteRun(path)
     if revised is not None and not isinstance(revised, Recipe):
         revised = read_recipe(revised)
     prepared, changes = read_preparation(run, overrides, permission, revised)
     recipe = prepared.recipe
-    try:
+    with provenance_read(run):
         notes = _changed_versions(run, recipe)
         recipe_note = "" if revised is not None else _edited_recipe(run)
-    except _DAMAGED as error:
-        raise damaged_provenance(run, f"lacks a part ({error!r})") from None
     writer = RunWriter.reopen(path)
     try:
         whole = run.generations
@@ -133,8 +139,9 @@ def reopen_run(
             _update_provenance(run, prepared, writer, changes)
         run = CompleteRun(path)  # its births may have other columns now
         _log_revisions(run, writer)
+        _log_other_commands(run, writer)
         resumed = ResumedRun(prepared, run, writer, changes + notes, recipe_note)
-        orders_of(run, resumed.next), resumed.living  # refused before anything starts
+        orders_of(run, 2**63), resumed.living  # refused before anything starts
     except BaseException:
         writer.close()
         raise
@@ -158,17 +165,16 @@ def orders_of(run: RunLog, generation: int) -> StandingOrders:
         return StandingOrders.of(run.events(), generation)
     except ValueError as error:
         raise RunError(
-            f"{run.path / 'events.jsonl'} has a damaged command: {error}",
+            f"{run.path / 'events.jsonl'} contains a damaged command: {error}",
             "commands as the run wrote them",
-            "bring the file back from a copy",
+            "restore the file from a backup",
         ) from None
 
 
 def _update_provenance(
     run: RunLog, prepared: Prepared, writer: RunWriter, changes: list[str]
 ) -> None:
-    """Bring provenance, and the run's copies of measures, up to date for the generations to
-    come."""
+    """Bring provenance, and the run's copies of measures, up to date."""
     noted = {name: before for name, before, _ in noted_files(run.provenance)}
     for one in noted_measures(run.provenance):
         noted |= reference_hashes(one)
@@ -202,9 +208,8 @@ def _revise(
     crew: tuple[int | None, str | None],
     tell: Callable[[str], None],
 ) -> str:
-    """Replace the recipe of the ``run``: its own goes to recipe-1.toml, the next to recipe-2.toml,
-    … Provenance, which is written last, notes both, and decides which log counts if measures
-    changed. Returns in words what changed."""
+    """Replace the recipe of the ``run``, and describe what changed. Provenance is written last: it
+    decides which recipe and which log count."""
     recipe, before = prepared.recipe, run.provenance["recipe"]
     keys = changed_keys(run.recipe_text, recipe.text)
     earlier = before.get("before", [])
@@ -238,7 +243,7 @@ def _revise(
 def _log_revisions(run: RunLog, writer: RunWriter) -> None:
     """Log each replaced recipe that has no event yet: a kill may have prevented it."""
     logged = [event.get("before") for event in run.events() if event.get("event") == REVISED]
-    try:
+    with provenance_read(run):
         for number, note in enumerate(run.provenance["recipe"].get("before", []), 1):
             if note["file"] in logged:
                 continue
@@ -246,8 +251,12 @@ def _log_revisions(run: RunLog, writer: RunWriter) -> None:
             details = {"before": note["file"], "keys": changed_keys(*texts)}
             details |= {"scored": note["scored"]} if "scored" in note else {}
             writer.event(REVISED, generation=note["generations"], **details)
-    except _DAMAGED as error:
-        raise damaged_provenance(run, f"lacks a part ({error!r})") from None
+
+
+def _log_other_commands(run: RunLog, writer: RunWriter) -> None:
+    """Log that ``commands.jsonl`` is another file if it has fewer lines than were read of it."""
+    if writer.count_commands() < (read := lines_read(run.events())):
+        writer.event(ASIDE, generation=len(run.generations), read=read, file=None)
 
 
 def undo_unfinished_revision(path: str | os.PathLike) -> None:
@@ -269,8 +278,8 @@ def no_parents_error(path: Path, generation: int) -> RunError:
     """Return the error of a run whose last ``generation`` left nobody to breed from."""
     return RunError(
         f"{path}: no individual is alive in generation {generation}",
-        "living parents to breed from",
-        "correct what made all births fail, and start a new run with the recipe",
+        "at least one living individual to breed from",
+        "correct the measure or operator that made all births fail, and start a new run",
     )
 
 
@@ -287,8 +296,7 @@ def _changed_versions(run: RunLog, recipe: Recipe) -> list[str]:
 
 
 def _edited_recipe(run: RunLog) -> str:
-    """How the recipe's own file differs from the run's copy, by which it goes on, in words; "" if
-    only in comments, or if it is gone."""
+    """How the recipe's own file differs from the run's copy; "" if only in comments, or if gone."""
     name = run.provenance["recipe"].get("file")
     if not isinstance(name, str) or Path(name).name != name:
         return ""

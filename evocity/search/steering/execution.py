@@ -1,13 +1,15 @@
 """Execution of commands: the orders in force, and the genomes of picks."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from evocity.errors import EvocityError, RunError
 from evocity.genome import Genome
 from evocity.recipe.recipe import Recipe
 from evocity.search.breeding.plans import Picks
 from evocity.search.record.commands import (
+    ASIDE,
     DONE,
     REFUSED,
     Command,
@@ -23,25 +25,54 @@ from evocity.search.record.commands import (
 )
 from evocity.search.record.complete_run import CompleteRun
 from evocity.selection.individual import Individual
+from evocity.store import BackgroundWriter
 
 #: Finds the genomes of births by id; raises `RunError` for one that was never born, or failed.
 Births = Callable[[Sequence[int]], Mapping[int, Genome]]
 
 
 class Steering:
-    """Carries out the commands to a search by a ``recipe``; ``orders`` are those in force.
-
-    ``births`` finds the genomes of picks. A resumed run begins with the ``orders`` of its log; the
-    first ``old`` lines of its commands were written before, and a stop among them is over.
-    """
+    """Carries out the commands to a search by a ``recipe``; ``orders`` are those in force,
+    ``births`` finds the genomes of picks. A stop among the first ``old`` lines of a resumed run's
+    commands is over. ``later``: commands that are logged already, with the generation from which on
+    each counts."""
 
     def __init__(
-        self, recipe: Recipe, births: Births, orders: StandingOrders | None = None, old: int = 0
+        self,
+        recipe: Recipe,
+        births: Births,
+        orders: StandingOrders | None = None,
+        old: int = 0,
+        later: Sequence[tuple[int, Command]] = (),
     ):
         self._recipe, self._births, self._old = recipe, births, old
         self.orders = orders or StandingOrders()
         self._picked = births(self.orders.picks) if self.orders.picks else {}
         self._pending: list[Command] = []
+        self._later = list(later)
+
+    def carry_out_from(
+        self, writer: BackgroundWriter | None, generation: int
+    ) -> Iterator[tuple[str | None, dict]]:
+        """Carry out the new commands in the run's file, which ``writer`` reads, and those that
+        `add` took; yield the events to be logged. They count from the ``generation`` on.
+
+        Commands that are logged already yield None as their event. A file with more commands than
+        are read at a time is set aside.
+        """
+        later, self._later = self._later, []
+        for since, command in later:
+            if since > generation:
+                self._later.append((since, command))
+            elif not command.passing:
+                self._execute(command)
+                yield None, command_document(command)
+        lines, more = ([], False) if writer is None else writer.commands(self.orders.read)
+        yield from self.carry_out(lines, generation)
+        if more:
+            about = {"generation": generation, "read": self.orders.read}
+            self.orders, self._old = replace(self.orders, read=0), 0
+            yield ASIDE, about | {"file": writer.set_commands_aside()}
 
     def add(self, command: Command) -> None:
         """Carry out the ``command`` with the next ones."""
@@ -67,7 +98,7 @@ class Steering:
                 events.append((DONE, about | command_document(command)))
         self._pending.clear()
         if lines:
-            self.orders = self.orders.mark_read(max(self.orders.read, lines[-1][0] + 1))
+            self.orders = replace(self.orders, read=max(self.orders.read, lines[-1][0] + 1))
         return events
 
     @property
@@ -111,8 +142,9 @@ def genomes_of(
     for identifier in ids:
         if identifier not in known:
             raise RunError(
-                f"individual {identifier} is not alive, and this search keeps only the living",
-                "a living individual",
-                "give the search a run folder, so that all its births can be picked",
+                f"individual {identifier} is not alive, and this search keeps only living "
+                "individuals",
+                "the id of a living individual",
+                "start the search with a run folder, so that every birth can be picked",
             )
     return {identifier: known[identifier] for identifier in ids}

@@ -13,19 +13,20 @@ from evocity.store import Birth
 class Generation:
     """State of a search after one generation.
 
-    number : number of the generation, from 0. births, failures : counts since the start of the run.
-    hypervolume : the hypervolume in units of the first population's ranges. NaN if it would take
-        too long, see `evocity.selection.fronts.volume_is_quick`.
-    best : for each measure that is a goal, the raw value of the best living individual.
-    evaluations_per_second, seconds_left : the evaluations per second, and an estimate of the
-        seconds left.
-    population : the living individuals, each listed once. feasible : how many of them keep all
-        constraints.
-    algorithm : the figures that the algorithm reports of the living, for example the coverage of
-        ``map_elites``.
-    islands : the reports of the islands, in a search on islands, in place of ``algorithm``. See
-        `evocity.search.breeding.archipelago.Archipelago.summaries`. All other values here cover all
-        islands together.
+    number : number of the generation, from 0.
+    births, failures : numbers of births and of failed births since the start of the run.
+    hypervolume : hypervolume of the living individuals, in units of the first population's ranges,
+        or NaN if the computation would take too long (`evocity.selection.fronts.volume_is_quick`).
+    best : raw value of the best living individual in each measure that is a goal.
+    evaluations_per_second, seconds_left : evaluations per second, and estimated seconds until the
+        last generation ends.
+    population : living individuals, each listed once.
+    feasible : number of living individuals that keep all constraints.
+    algorithm : figures that the algorithm computes from the living individuals, such as the
+        coverage of ``map_elites``; empty in a search with islands.
+    islands : figures of each island, see
+        `evocity.search.breeding.archipelago.Archipelago.summaries`; empty in a search without
+        islands. All attributes except ``islands`` cover all islands together.
     """
 
     number: int
@@ -76,17 +77,18 @@ def refuse_failures(births: Sequence[Birth], limit: float, generation: int, aliv
     if not failed:
         reason = next((birth.error for birth in births if birth.error), "no reason given")
         raise RunError(
-            f"no birth of the {len(births)} in generation {generation} can survive; the first: "
+            f"no birth of the {len(births)} in generation {generation} can survive; first error: "
             f"{reason}",
-            "births that have a value of each of the algorithm's descriptors",
-            "choose other descriptors under [search], and start a new run",
+            "births with a value of each descriptor that the algorithm uses",
+            "choose other descriptors in [search] of the recipe, and start a new run",
         )
     kinds = {s: sum(b.status == s for b in failed) for s in dict.fromkeys(b.status for b in failed)}
     said = ", ".join(f"{number} {status}" for status, number in kinds.items())
     raise RunError(
         f"{len(failed)} of {len(births)} births of generation {generation} failed ({said}); "
-        f"the first: {failed[0].error}",
-        f"at most {limit:.0%} (evaluation.max_failures), and at least one birth alive",
-        "correct the measure or the operator and start a new run; the log has the error of each "
-        "failed birth",
+        f"first error: {failed[0].error}",
+        f"at most {limit:.0%} failed births (the limit evaluation.max_failures), and at least one "
+        "living individual",
+        "correct the measure or the operator, and start a new run; the log holds the error of "
+        "each failed birth",
     )

@@ -1,7 +1,7 @@
 """Notification: the user's commands, run when a search gets better and when it ends.
 
-They run beside the search, without a shell, one at a time, each in its own process group, which
-ends with it. How each ended is an event of the run.
+They run beside the search, without a shell, one at a time, each in its own session, which ends
+with it. How each ended is an event of the run.
 """
 
 import contextlib
@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from evocity.errors import RunError, cut_short, plain_text, reason_of
-from evocity.evaluation.linux_processes import kill_group
+from evocity.evaluation.linux_processes import kill_session
 from evocity.recipe.recipe import Recipe
 from evocity.recipe.stop_and_notify import NotifySection, words_of
 from evocity.search.record.commands import DONE
@@ -74,9 +74,8 @@ class CommandRunner:
                 self._thread.start()
 
     def take_results(self) -> list[dict]:
-        """Return the results since the last call, as details of events: how each command ended, its
-        exit ``code``, None with a ``reason`` if it never began or was killed, and its
-        ``output``."""
+        """Return the results since the last call, as details of events: each command's exit
+        ``code`` and ``output``; without a code, the ``reason``."""
         with self._lock:
             results, self._results = self._results, []
         return results
@@ -113,11 +112,9 @@ class CommandRunner:
     def _run(self, notification: Notification) -> dict:
         began = time.monotonic()
         result = {"generation": notification.generation, "on": notification.key}
-        group = (
-            {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
-            if os.name == "nt"
-            else {"start_new_session": True}
-        )
+        group: dict[str, Any] = {"start_new_session": True}
+        if os.name == "nt":
+            group = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
         try:
             process = subprocess.Popen(
                 notification.command_line,
@@ -151,11 +148,11 @@ class CommandRunner:
 
 
 def _kill(process: subprocess.Popen) -> None:
-    """Kill a command with its whole group, even if it has ended itself."""
+    """Kill a command with its whole session, even if it has ended itself."""
     if os.name == "nt":
         process.kill()
     else:
-        kill_group(process.pid)
+        kill_session(process.pid)
     with contextlib.suppress(subprocess.TimeoutExpired):
         process.wait(_PATIENCE)
 

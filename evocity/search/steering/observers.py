@@ -13,20 +13,20 @@ from evocity.store import BackgroundWriter, Birth, Member
 
 
 class Observer:
-    """Base class for objects that follow a search. A subclass overrides the methods that it needs;
-    they return nothing.
+    """Base class for objects that follow a search. A subclass overrides `generation`, `event` or
+    both; these methods return nothing.
 
     Pass an observer to `Search`, or to `Search.observe`. If an observer raises an error, the search
-    logs the error, drops the observer and goes on.
+    logs the error, removes this observer and continues.
     """
 
     def generation(
         self, generation: Generation, births: Sequence[Birth], members: Sequence[Member]
     ) -> None:
-        """Receive a completed generation: its births, and the individuals that live on."""
+        """Receive a complete generation, its births, and its living individuals as members."""
 
     def event(self, event: str, details: dict) -> None:
-        """Receive an event: a start, a resume, a command, a stop, the finish, …"""
+        """Receive an event of the search, such as "start", "command" or "stop", with details."""
 
 
 class Log(Observer):
@@ -42,12 +42,9 @@ class Log(Observer):
     def generation(
         self, generation: Generation, births: Sequence[Birth], members: Sequence[Member]
     ) -> None:
-        summary = dataclasses.asdict(dataclasses.replace(generation, population=[]))
-        for key in self._UNLOGGED:
-            del summary[key]
-        for key in ("algorithm", "islands"):
-            if not summary[key]:
-                del summary[key]
+        about = dataclasses.asdict(dataclasses.replace(generation, population=[]))
+        left = {*self._UNLOGGED, *(key for key in ("algorithm", "islands") if not about[key])}
+        summary = {key: value for key, value in about.items() if key not in left}
         if math.isnan(generation.hypervolume):  # it was not computed
             del summary["hypervolume"]
         elif math.isinf(generation.hypervolume):  # JSON has no infinity
@@ -106,7 +103,6 @@ class Observers:
             self._log.writer.wait()
 
     def _pass_on(self, call: Callable[[Observer], None]) -> None:
-        """``call`` all observers, and drop those that raise."""
         for observer in list(self._others):
             try:
                 call(observer)

@@ -1,13 +1,16 @@
 """Stop rules: what ends a search before its last generation, ``[stop]`` of its recipe.
 
-They change no birth: a resumed run has the births of one that never stopped.
+SIGTERM and SIGHUP, from `kill`, a shutdown or a closed terminal, end it as Ctrl-C does. Stop rules
+change no birth: a resumed run has the births of one that never stopped.
 """
 
 import contextlib
 import math
 import os
+import signal
+import threading
 from bisect import bisect_right
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -17,9 +20,10 @@ from evocity.fitness import Aims, Objective
 from evocity.recipe.stop_and_notify import StopSection, moment_of
 from evocity.search.record.commands import REVISED
 from evocity.search.steering.generation import Generation
-from evocity.search.steering.signals import Signalled
 from evocity.selection.individual import Individual
 from evocity.store import RunLog
+
+_SIGNALS = ("SIGTERM", "SIGHUP")
 
 #: Returns the time, with its zone.
 Clock = Callable[[], datetime]
@@ -61,8 +65,8 @@ def refuse_past_time(section: StopSection, clock: Clock) -> None:
     if until is not None and until <= clock():
         raise RecipeError(
             f"stop.until: {section.until!r} has passed",
-            "a future moment, or a time of the day, which means the next such time",
-            "write a later moment, or leave stop.until out",
+            "a date with a time in the future, or a time of the day such as 07:00",
+            "write a later date, or leave stop.until out",
         )
 
 
@@ -75,9 +79,9 @@ def progress_of(hypervolume: float | None, figures: Mapping[str, float]) -> floa
 
 @dataclass
 class Stagnation:
-    """How long nothing has got better: the ``best`` progress, and the ``generation`` it is of.
-    Generations before ``since`` do not count, nor those whose progress is NaN, or 0 as long as
-    nobody keeps the constraints."""
+    """How long nothing has got better: the ``best`` progress, and its ``generation``. Generations
+    before ``since`` do not count, nor those whose progress is NaN, or 0 before anybody is feasible.
+    """
 
     best: float = 0.0
     generation: int | None = None
@@ -100,12 +104,8 @@ class Stagnation:
 class Stopping:
     """Checks after each generation whether a search stops; ``reason``: why, or None.
 
-    Parameters
-    ----------
-    section : ``[stop]`` of the recipe.
-    aims : the measures in its ``target``.
+    aims : the measures in the target of the ``section`` ``[stop]``.
     folder : of the run; None if it is not kept.
-    clock : returns the time.
     written : returns once the folder holds all births.
 
     ``overridden`` are the keys that no longer count, as a user asked for more generations.
@@ -144,16 +144,16 @@ class Stopping:
         self._stagnation = Stagnation(since=self._stagnation.since)
 
     def resume(self, run: RunLog, living: Sequence[Individual], more: bool) -> dict:
-        """Go on from the log of a ``run``. With ``more``, a user asked for more generations: a
-        target that is reached does not count, and stagnation counts from here. Return what the
-        event of the resume adds to the log."""
+        """Go on from the log of a ``run``; return what the event of the resume adds to the log.
+        With ``more`` generations, a target that is reached does not count, and stagnation counts
+        from here."""
         if not run.generations:
             return {}
         comparable = 0
         for event in run.events():
             since = event.get("generation")
-            if not isinstance(since, int):
-                continue
+            if not isinstance(since, int) or since > len(run.generations):
+                continue  # of a generation that was set aside
             if event.get("command") == "reweight" or event.get("event") == REVISED:
                 comparable = since
             if event.get("event") == REVISED:
@@ -216,7 +216,6 @@ class Stopping:
         return Reason("until", f"it is past {self._until:%Y-%m-%d %H:%M}")
 
     def _folder_size(self) -> int:
-        """0 without a limit."""
         if self.folder is None or self.section.disk_bytes is None:
             return 0
         self._written()
@@ -241,8 +240,7 @@ def end_event(
 
 
 def _reaches(objective: Objective, value: float, target: float) -> bool:
-    """A maximised measure reaches at least the ``target``, a minimised one at most; a measure with
-    a target of its own comes that near to it."""
+    """Whether a ``value`` is as good as the ``target``, or as near to the measure's own target."""
     if objective.goal == "max":
         return value >= target
     return value <= target if objective.goal == "min" else objective.loss(value) <= target
@@ -261,3 +259,41 @@ def size_of(folder: str | os.PathLike) -> int:
                     else:
                         total += entry.stat(follow_symlinks=False).st_size
     return total
+
+
+class Signalled(KeyboardInterrupt):
+    """A signal arrived that ends the program; ``number``: which. The text is the signal's name."""
+
+    def __init__(self, number: int):
+        super().__init__(signal.Signals(number).name)
+        self.number = number
+
+    @property
+    def exit_code(self) -> int:
+        """The exit code that a shell expects: 128 and the signal's number, 143 or 129."""
+        return 128 + self.number
+
+
+@contextlib.contextmanager
+def signals_raise() -> Iterator[None]:
+    """Raise `Signalled` in the main thread at the first SIGTERM or SIGHUP within the block. An
+    ignored signal stays ignored, as SIGHUP under `nohup`; in other threads nothing changes."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    numbers = [getattr(signal, name) for name in _SIGNALS if hasattr(signal, name)]
+    before = {number: signal.getsignal(number) for number in numbers}
+    before = {number: how for number, how in before.items() if how is signal.SIG_DFL}
+
+    def interrupt(number: int, _) -> None:
+        for other in before:  # the second does not cut short what the first began
+            signal.signal(other, signal.SIG_IGN)
+        raise Signalled(number)
+
+    for number in before:
+        signal.signal(number, interrupt)
+    try:
+        yield
+    finally:
+        for number, how in before.items():
+            signal.signal(number, how)

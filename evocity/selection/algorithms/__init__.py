@@ -1,4 +1,4 @@
-"""Selection algorithms by name: evocity's own, one a file, and those of other packages.
+"""Selection algorithms by name: evocity's own, and those of other packages.
 
 A package adds an algorithm by an entry point of the group ``evocity.algorithms``. Its name is the
 value of ``algorithm`` under ``[search]``, its object a subclass of `Algorithm`.
@@ -10,11 +10,9 @@ from importlib.metadata import EntryPoint
 from evocity.plugins import load_plugins
 from evocity.selection.algorithms.algorithm import Algorithm, First, Ranked
 from evocity.selection.algorithms.cma import Cma
-from evocity.selection.algorithms.hypervolume import HypervolumeContribution
 from evocity.selection.algorithms.map_elites import MapElites
-from evocity.selection.algorithms.nsga2 import Nsga2
 from evocity.selection.algorithms.nsga3 import Nsga3
-from evocity.selection.algorithms.single import Single
+from evocity.selection.algorithms.ordered import HypervolumeContribution, Nsga2, Single
 
 #: The algorithm of a recipe that names none.
 DEFAULT = "hypervolume"

@@ -33,25 +33,27 @@ class First:
 
 
 class Algorithm(ABC):
-    """A selection algorithm: it selects survivors and parents. Losses: lower is better.
+    """A selection algorithm: it selects survivors and parents. Lower losses are better.
 
-    Its decisions depend only on its input, in any order: a resumed run passes those who lived to
-    `judged`.
+    The decisions of an algorithm depend only on its input, and not on the order of this input: a
+    resumed run passes the living individuals to `judged`.
 
-    name : its name in recipes.
-    marks : names of the numbers that it gives each of the living besides its rank; columns of the
-        run's membership.
-    figures : names of the numbers that it gives all the living together, see `summary`.
-    Keys : its own keys under ``[search]``, a pydantic model.
-    breeds_by : the operator that it breeds with by itself, from all the recipe's parents, see
-        `settings`; None where the recipe's mixture breeds.
-    replays : whether a resumed run must replay it from the start: call its `settings` and
-        `survivors` for each generation as before.
+    name : name of the algorithm in recipes.
+    marks : names of additional columns of the log's table ``membership``. Each column has a number
+        for each living individual, for example its crowding distance.
+    figures : names of the numbers that the method `summary` computes for all living individuals
+        together.
+    Keys : pydantic model of the algorithm's own keys in the section ``[search]`` of a recipe.
+    breeds_by : the operator by which the algorithm breeds from all parents of the recipe, see
+        `settings`; None if the recipe's mixture of operators breeds.
+    replays : whether a resumed run must replay the algorithm from the start, with calls of
+        `settings` and `survivors` for each generation.
 
     Parameters
     ----------
-    size : the births of a generation; most algorithms keep at most so many alive.
-    keys : an instance of its ``Keys``.
+    size : number of births in a generation; most algorithms keep at most this number of individuals
+        alive.
+    keys : an instance of the class ``Keys``.
     """
 
     name: ClassVar[str]
@@ -66,48 +68,52 @@ class Algorithm(ABC):
 
     @classmethod
     def faults(cls, keys: Section, goals: int, population: int, parents: int = 2) -> list[Fault]:
-        """List the faults of a recipe that names it with these ``keys``, and has so many ``goals``,
-        a ``population`` of so many and so many ``parents``."""
+        """List the faults of a recipe that names the algorithm with these ``keys``; the numbers
+        ``goals``, ``population`` and ``parents`` are those of the recipe."""
         return []
 
     @classmethod
     def described(cls, keys: Section) -> tuple[str, ...]:
-        """Name the measures that it needs of every birth besides the goals; a run records those
-        that its recipe does not name."""
+        """Name the measures that the algorithm needs of every birth besides the goals; a run
+        records these measures even if its recipe does not name them."""
         return ()
 
     def begin(self, first: First) -> None:  # noqa: B027
-        """Take the first generation, before any other call. A resumed run, and a change of the
-        goals' weights, call it again. Raises `RecipeError` if it cannot begin so."""
+        """Receive the first generation, before any other call of the algorithm. A resumed run calls
+        `begin` again, and so does a change of the weights of goals. Raises `RecipeError` if the
+        algorithm cannot begin with this generation."""
 
     def summary(self, living: Living) -> dict[str, float]:
-        """Compute the ``figures`` of all the ``living`` together, by their names; the log holds
-        the finite ones of each generation."""
+        """Compute the numbers that ``figures`` names, for all ``living`` individuals together; the
+        log holds the finite numbers of each generation."""
         return {}
 
     def settings(self, first: int, sources: int, rng: Rng) -> list[Mapping[str, object]]:
-        """Make the parameters of its operator (``breeds_by``) for each birth of the next
-        generation, with the ids ``first``, ``first`` + 1, …, from so many ``sources``."""
+        """Make the parameters of the operator in ``breeds_by`` for each birth of the next
+        generation; the births have the ids ``first``, ``first`` + 1, …. The argument ``sources`` is
+        the number of parents."""
         raise NotImplementedError(f"{self.name} does not breed by itself")
 
     @abstractmethod
     def survivors(self, candidates: Living, look: Look, rng: Rng) -> list[Individual]:
-        """Select those who live on, best first, with rank and marks as by `judged`. ``look`` gives
-        the map of an individual where it matters; all random draws are from ``rng``."""
+        """Select the survivors, best first, with rank and marks as in `judged`. The function
+        ``look`` gives the map of an individual where the map matters; all random draws are from
+        ``rng``."""
 
     @abstractmethod
     def judged(self, living: Living) -> list[Individual]:
-        """Sort all of the ``living``, best first, and give them their rank and marks."""
+        """Sort all ``living`` individuals, best first, and give each individual its rank and
+        marks."""
 
     def migrants(self, living: Living, count: int, rng: Rng) -> list[Individual]:
-        """Select at most ``count`` of the ``living``, given best first, that may also live on
-        another island: the best."""
+        """Select at most ``count`` of the ``living`` individuals, sorted best first, that may live
+        on another island, too; by default the best individuals."""
         return list(living[:count])
 
     @abstractmethod
     def parents(self, living: Living, count: int, rng: Rng) -> list[int]:
-        """Select ``count`` of the ``living`` as parents, by their indices; all different while
-        possible."""
+        """Select ``count`` of the ``living`` individuals as parents, and return their indices; all
+        indices differ while possible."""
 
 
 def one_goal_faults(algorithm: str, goals: int) -> list[Fault]:
@@ -189,8 +195,7 @@ class Ranked(Algorithm):
 
     @abstractmethod
     def _order(self, losses: np.ndarray, violations: np.ndarray) -> Order:
-        """Order individuals that are sorted by id, from their losses ``(n, m)`` and violations of
-        the constraints ``(n,)``. Of two with equal worth the first is the better."""
+        """Order individuals that are sorted by id; of two with equal worth the first is better."""
 
 
 def losses_and_violations(individuals: Living) -> tuple[np.ndarray, np.ndarray]:
@@ -200,8 +205,8 @@ def losses_and_violations(individuals: Living) -> tuple[np.ndarray, np.ndarray]:
 
 
 def tournament(size: int, key: Callable[[int], tuple], count: int, rng: Rng) -> list[int]:
-    """Select ``count`` of ``size`` individuals by their indices, each as the one of two drawn with
-    the lesser ``key``; all different while possible."""
+    """Select ``count`` of ``size`` indices, each the lesser by ``key`` of two drawn, without
+    repeats while possible."""
     chosen: list[int] = []
     used: list[int] = []  # sorted
     for _ in range(count):

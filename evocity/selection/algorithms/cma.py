@@ -119,8 +119,7 @@ class Cma(Algorithm):
 
 
 def _penalised(one: Individual | None, goals: int) -> list[float]:
-    """Return the losses of a birth; one that breaks a constraint is worse than all that do not,
-    and one that failed, None, is the worst of all."""
+    """Return the losses of a birth, worse if it breaks a constraint, and worst if it failed."""
     if one is None:
         return [_BEYOND * 1e9] * goals
     if one.violation:

@@ -31,8 +31,7 @@ class _Crowded:
 
 
 def crowding_distances(losses: np.ndarray) -> np.ndarray:
-    """Compute the crowding distance of each row of one front, ``(n, m)`` losses: higher is further
-    from the others; infinite for the best and the worst by each loss."""
+    """Compute the crowding distances of one front of ``(n, m)`` losses; infinite for extremes."""
     kind = type("Losses", (base.Fitness,), {"weights": (-1.0,) * losses.shape[1]})
     # distances are shares of the range, and ranges of huge losses would overflow
     scaled = losses * 2.0**-64 if np.abs(losses).max(initial=0) > 1e290 else losses
@@ -42,8 +41,7 @@ def crowding_distances(losses: np.ndarray) -> np.ndarray:
 
 
 def losses_kind(goals: int, wrong: Callable[[object, int], Exception]) -> type[base.Fitness]:
-    """Make a DEAP fitness class of so many losses, lower is better. Assigning anything but as many
-    finite numbers raises the error that ``wrong`` makes, because DEAP takes NaN for the best."""
+    """Make a DEAP fitness class of ``goals`` finite losses; ``wrong`` makes the error of others."""
 
     class Losses(base.Fitness):
         weights = (-1.0,) * goals
@@ -64,15 +62,13 @@ def losses_kind(goals: int, wrong: Callable[[object, int], Exception]) -> type[b
 
 
 def reference_points(goals: int, divisions: int) -> np.ndarray:
-    """Spread points evenly on the plane where all of so many ``goals`` sum to 1, each axis cut into
-    so many ``divisions``: float64 ``(n, goals)``."""
+    """Spread points evenly where all ``goals`` sum to 1, in ``divisions`` an axis, ``(n,
+    goals)``."""
     return emo.uniform_reference_points(goals, divisions)
 
 
 def niches_of(losses: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Find the nearest of the reference ``points`` (k, m) for each row of ``(n, m)`` losses whose
-    least values are 0, int64 ``(n,)``, and its distance. Losses are normalised by their extremes.
-    """
+    """Find the nearest of the ``points`` (k, m) for ``(n, m)`` losses from 0, and its distance."""
     least, most = losses.min(axis=0), losses.max(axis=0)
     extremes = emo.find_extreme_points(losses, least)
     intercepts = emo.find_intercepts(extremes, least, most, most)
@@ -86,9 +82,8 @@ def fill_niches(
     taken: np.ndarray,
     rng: np.random.Generator,
 ) -> list[int]:
-    """Select ``count`` individuals by their indices, from the emptiest niches first. ``niches`` and
-    ``distances`` (n,) are those of the individuals; ``taken`` (k,) counts the individuals that each
-    niche has already."""
+    """Select ``count`` indices from the emptiest niches first; ``taken`` (k,) counts those
+    inside."""
     with _drawing_from(rng):
         return emo.niching(list(range(len(niches))), count, niches, distances, taken.copy())
 
@@ -108,7 +103,8 @@ class Covariances:
     def __init__(self, vectors: np.ndarray, losses: np.ndarray, step: float, least: Least):
         losses = _several(losses)
         kind = type("Losses", (base.Fitness,), {"weights": (-1.0,) * losses.shape[1]})
-        self._parents = [_Vector.of(one, kind(row)) for one, row in _pairs(vectors, losses)]
+        pairs = zip(vectors, losses.tolist(), strict=True)
+        self._parents = [_Vector.of(one, kind(row)) for one, row in pairs]
         self._kind, self._offspring = kind, []
         self._strategy = cma.StrategyMultiObjective(
             self._parents,
@@ -130,8 +126,8 @@ class Covariances:
         return np.array(self._offspring, np.float64)
 
     def select(self, losses: np.ndarray) -> list[int]:
-        """Select the survivors, by the ``losses`` (n, m) of the last offspring: 0…n − 1 are the
-        living until now, n…2n − 1 the offspring; in the order of `steps`."""
+        """Select the survivors by the ``losses`` (n, m) of the last offspring, in the order of
+        `steps`: 0…n − 1 are the living until now, n…2n − 1 the offspring."""
         for one, row in zip(self._offspring, _several(losses).tolist(), strict=True):
             one.fitness = self._kind(row)
         numbers = {id(one): k for k, one in enumerate([*self._strategy.parents, *self._offspring])}
@@ -152,10 +148,6 @@ class _Vector(np.ndarray):
 def _several(losses: np.ndarray) -> np.ndarray:
     """Double a single goal: DEAP sorts only two goals and more."""
     return losses if losses.shape[1] > 1 else np.repeat(losses, 2, axis=1)
-
-
-def _pairs(vectors: np.ndarray, losses: np.ndarray) -> Iterator[tuple[np.ndarray, list[float]]]:
-    return zip(vectors, losses.tolist(), strict=True)
 
 
 @contextlib.contextmanager

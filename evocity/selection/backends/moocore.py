@@ -14,24 +14,21 @@ def ranks(losses: np.ndarray) -> np.ndarray:
 
 
 def not_dominated(losses: np.ndarray) -> np.ndarray:
-    """Mark the rows of ``(n, m)`` losses that no other row dominates, bool ``(n,)``. Of equal rows
-    only the first counts."""
+    """Mark the rows of ``(n, m)`` losses that no other row dominates; of equal rows the first."""
     if losses.shape[1] == 1:
         return np.arange(len(losses)) == losses[:, 0].argmin()
     return moocore.is_nondominated(losses).astype(bool)
 
 
 def hypervolume(losses: np.ndarray, reference: np.ndarray) -> float:
-    """Compute the volume that the rows of ``(n, m)`` losses dominate, up to the ``reference``
-    (m,)."""
+    """Compute the volume that ``(n, m)`` losses dominate, up to the ``reference`` (m,)."""
     if losses.shape[1] == 1:
         return float(max(reference[0] - losses.min(), 0.0))
     return float(moocore.hypervolume(np.ascontiguousarray(losses), ref=reference))
 
 
 def contributions(losses: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """Compute how much each row of one front, ``(n, m)`` losses, adds to the hypervolume of the
-    others."""
+    """Compute how much each row of one front of ``(n, m)`` losses adds to the hypervolume."""
     if losses.shape[1] == 1:  # in a front of one loss all are equal, and none is missed
         return np.zeros(len(losses)) if len(losses) > 1 else reference - losses[:, 0]
     added = moocore.hv_contributions(np.ascontiguousarray(losses), ref=reference)
@@ -41,15 +38,9 @@ def contributions(losses: np.ndarray, reference: np.ndarray) -> np.ndarray:
 def least_first(
     losses: np.ndarray, reference: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Drop ``count`` rows of one front, ``(n, m)`` losses, one after another: each time the row
-    that contributes least to the hypervolume of those left, of equal ones the last.
-
-    Returns the rows in the order of dropping, and the contribution of each row: when it was
-    dropped, or at the end.
-
-    Contributions of the other rows never shrink when a row is dropped. So a known contribution is
-    a lower bound, and few are measured again for each row that is dropped.
-    """
+    """Drop ``count`` rows of one front, each time the row that contributes least, of equal ones the
+    last. Returns the rows in that order, and all contributions. A contribution never shrinks when a
+    row is dropped, so a known one is a lower bound, and few are measured again."""
     known = contributions(losses, reference)
     if losses.shape[1] == 2:
         return least_of_two(losses, reference, known, count), known

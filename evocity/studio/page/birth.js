@@ -10,7 +10,7 @@ export class BirthPane {
     [this.server, this.on] = [server, on];
     this.id = this.pinned = null;
     this.marks = new Set();
-    this.emptyText = element(parent, "p", "faint", "To see the details of a birth, click the birth or go to it with the arrow keys.");
+    this.emptyText = element(parent, "p", "faint", "To see the details of a birth, click the birth or select it with the arrow keys.");
     this.root = element(parent, "div");
     this.root.hidden = true;
     const head = element(this.root, "div", "row");
@@ -78,12 +78,12 @@ export class BirthPane {
   showPin() {
     const { other } = this, isPinned = this.id === this.pinned;
     this.pin.textContent = isPinned ? "unpin this birth" : "pin this birth";
-    this.pin.title = "A pinned birth stays visible beside other births (key p)";
+    this.pin.title = "Press p to pin this birth: a pinned birth stays visible beside any birth that you select.";
     this.pin.setAttribute("aria-pressed", String(isPinned));
     this.root.classList.toggle("evocity-pinned", this.pinned !== null);
     this.pinRow.replaceChildren();
     if (other === null) {
-      if (isPinned) element(this.pinRow, "span", "faint", "This birth is pinned. Click another birth to see both.");
+      if (isPinned) element(this.pinRow, "span", "faint", "This birth is pinned. Click another birth to compare it with the pinned birth.");
       return;
     }
     element(this.pinRow, "span", "faint", "pinned birth:");
@@ -112,7 +112,7 @@ export class BirthPane {
     this.origin.textContent = origin.join(" · ");
     this.facts.replaceChildren();
     if (birth.status !== "ok") {
-      element(this.facts, "p", "lack", `The birth failed: ${words(birth.status)}. ${birth.error || ""}`);
+      element(this.facts, "p", "lack", `This birth failed: ${words(birth.status)}. ${birth.error || ""}`);
     } else if (birth.error) element(this.facts, "p", "faint", birth.error);
     if (birth.status === "ok" && !birth.feasible) element(this.facts, "p", "lack", "✕ This birth breaks a bound.");
     this.showMeasures(birth, other);

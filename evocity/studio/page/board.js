@@ -8,15 +8,15 @@ import { ramp } from "./ramp.js";
 const SOON = 250, LOOK = 120;
 /** Operators that breed by a drawing: macro-blocks, or a λ painted in cells. */
 const OPERATORS = [
-  ["pavement_fusion", "macro-blocks", "Squares of the second parent replace squares of the first parent where you place them."],
-  ["region_fusion", "regions", "Like macro-blocks, but each square grows over the buildings that it touches."],
-  ["interpolation", "λ, lifs by lifs", "The painted λ is the share of the second parent in each lifs."],
-  ["stepwise", "λ, step by step", "The painted λ mixes both parents at every step of decoding."],
-  ["lambda_field", "λ, by street blocks", "The painted λ is the share of street blocks that get the fabric of the second parent."],
+  ["pavement_fusion", "macro-blocks", "You place squares on the map, and the second parent replaces the first parent inside these squares."],
+  ["region_fusion", "regions", "You place squares of the second parent; each square grows to include every building that it touches."],
+  ["interpolation", "share λ for each lifs", "The number λ that you paint sets the share of the second parent in each lifs (affine map)."],
+  ["stepwise", "share λ for each decoding step", "The number λ that you paint sets the share of the second parent in each step of decoding."],
+  ["lambda_field", "share λ for each street block", "The number λ that you paint sets the share of street blocks with buildings from the second parent."],
 ];
 /** Tools that mark cells: the layer and an explanation. */
-const MARKS = { lock: ["locked", "In marked cells the child keeps the heights of the first parent."],
-  mask: ["within", "Child and parents are measured in marked cells only, or on the whole map if no cell is marked."] };
+const MARKS = { lock: ["locked", "In the cells that you mark, the child keeps the building heights of the first parent."],
+  mask: ["within", "The measures use only the cells that you mark, or the whole map if you mark no cell."] };
 const BRUSHES = [1, 3, 7, 15];
 const WAYS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] };
 
@@ -25,7 +25,7 @@ const WAYS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRig
 export class Board {
   constructor(parent, stage, server, on) {
     [this.server, this.on, this.stage] = [server, on, stage];
-    this.emptyText = element(parent, "p", "faint", "Pick two births. Then draw on the map of the first birth: parts of the second birth replace it there.");
+    this.emptyText = element(parent, "p", "faint", "Pick two births, then draw on the map of the first birth. Wherever you draw, the child gets the map of the second birth.");
     this.form = element(parent, "form");
     this.form.addEventListener("submit", (event) => event.preventDefault());
     const first = element(this.form, "div", "row");
@@ -41,7 +41,7 @@ export class Board {
     this.toolText = element(this.form, "p", "faint");
     this.sizes = element(this.form, "div", "row");
     this.side = this.select(this.sizes, "side ", []);
-    this.tolerance = this.select(this.sizes, "height step along the outline ", [["1000", "any"], ["12", "at most 12 m"],
+    this.tolerance = this.select(this.sizes, "height difference along the outline of a square ", [["1000", "any"], ["12", "at most 12 m"],
       ["6", "at most 6 m"], ["3", "at most 3 m"]]);
     this.paints = element(this.form, "div", "row");
     this.brush = this.select(this.paints, "brush ", BRUSHES.map((one) => [String(one), `${one} × ${one} cells`]));
@@ -61,7 +61,7 @@ export class Board {
     element(this.form, "p", "faint", "Keys on the map: arrows move, with Shift four times as far; Enter draws, Delete erases.");
     this.state = element(parent, "p", "faint", "", { role: "status" });
     this.facts = element(parent, "div");
-    this.keep = this.button(parent, "keep the child and a recipe", () => this.keepIt());
+    this.keep = this.button(parent, "save the child and a recipe", () => this.keepIt());
     this.message = element(parent, "p", "", "", { role: "status" });
     const figure = element(stage, "figure");
     this.title = element(figure, "figcaption");
@@ -139,7 +139,7 @@ export class Board {
       this.about = about;
       this.lifs = new Int32Array(content.slice().buffer);
       this.maps = maps.map((one) => this.picture(one));
-      this.title.textContent = `birth ${ids[0]}, with parts of birth ${ids[1]}`;
+      this.title.textContent = `map of birth ${ids[0]}, with parts of birth ${ids[1]}`;
       if (isNew) this.begin();
       this.on.trouble(null);
       this.changed();
@@ -247,7 +247,7 @@ export class Board {
     const { row, column, unit } = this.spot, metres = unit * this.about.metres;
     const [y, x] = this.at.map((px) => Math.floor(px / this.about.cell));
     const { columns, painted, blocks, locked, within } = this.layers, here = y * columns + x;
-    const parts = [`${Math.round(row * metres)} m from the north edge, ${Math.round(column * metres)} m from the west edge`];
+    const parts = [`${Math.round(row * metres)} m from the north edge and ${Math.round(column * metres)} m from the west edge`];
     if (this.isPainted) parts.push(`λ ${+painted[here].toFixed(2)}`);
     else parts.push(`${blocks.length} macro-blocks`);
     if (locked[here]) parts.push("locked");
@@ -291,7 +291,7 @@ export class Board {
     try {
       const count = await layers.mark(layer, file);
       this.change(() => { layers[MARKS[tool][0]] = layer; });
-      this.announcement.textContent = `${tool}: ${file.name} marks ${count} of ${layer.length} cells`;
+      this.announcement.textContent = `${tool}: the picture ${file.name} marks ${count} of ${layer.length} cells`;
       this.on.trouble(null);
     } catch (error) {
       this.on.trouble(error);

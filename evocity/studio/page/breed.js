@@ -76,8 +76,8 @@ export class Breed {
   /** Show the parts that depend on the picks. */
   inform() {
     const ids = this.on.ids();
-    this.parentsText.textContent = ids.length ? `Parents: your picks ${ids.slice(0, 16).join(", ")}${ids.length > 16 ? " …" : ""}.` :
-      "Pick one or more births as parents.";
+    this.parentsText.textContent = ids.length ? `The parents are your picks: ${ids.slice(0, 16).join(", ")}${ids.length > 16 ? " …" : ""}.` :
+      "Pick one or more births to breed from.";
     const { fittingOperators } = this, was = this.operator.value || ANY;
     this.operator.replaceChildren(...[ANY, ...fittingOperators.map((one) => one.name)].map((name) =>
       element(null, "option", "", name.replaceAll("_", " "), { value: name })));
@@ -97,7 +97,7 @@ export class Breed {
 
   choose() {
     const one = this.operators.find(({ name }) => name === this.operator.value);
-    this.words.textContent = one ? one.told : "Each child comes from the next operator in turn, so that you can compare operators.";
+    this.words.textContent = one ? one.told : "The operators breed one child each, in turn, so that you can compare the children of different operators.";
     this.more.hidden = !one;
     this.parameters.replaceChildren();
     for (const { name, default: usual } of one ? one.parameters : []) {
@@ -168,7 +168,7 @@ export class Breed {
     const count = (stage) => children.filter((one) => one.stage === stage).length;
     const bred = count("bred") + count("measured");
     const text = error || (busy && !children.length ? "starting workers …" : !children.length ? "" :
-      `${bred} of ${children.length} children bred, ${count("measured")} measured` +
+      `${bred} of ${children.length} children are bred, ${count("measured")} are measured` +
       (count("failed") ? `, ${count("failed")} failed` : "") + (busy ? " …" : ".") +
       (count("failed") === children.length ? ` ${children[0].error}` : ""));
     if (this.state.textContent !== text) this.state.textContent = text;
@@ -285,7 +285,7 @@ export class Breed {
     this.keep.hidden = !this.children.length;
     this.hint.hidden = this.keep.hidden || this.kept.size > 0;
     this.keep.disabled = !this.kept.size || this.isBusy;
-    this.keep.textContent = `keep ${this.kept.size} ${this.kept.size === 1 ? "child" : "children"} and a recipe`;
+    this.keep.textContent = `save ${this.kept.size} ${this.kept.size === 1 ? "child" : "children"} and a recipe`;
   }
 
   async keepThese() {
@@ -323,7 +323,7 @@ export function showValues(parent, { values, parents }, births, marked = null) {
 /** Show the folder of kept children, and the command that goes on from them. */
 export function showKept(parent, { folder, recipe, left, ours }) {
   parent.replaceChildren();
-  element(parent, "span", "", `The children are in the folder ${folder}. To breed from these children and the picks, run:`);
+  element(parent, "span", "", `Studio saved the children in the folder ${folder}. To breed from the children and your picks, run this command:`);
   element(parent, "code", "command", `evocity run ${recipe}`);
   if (!left.length) return;
   element(parent, "span", "", `The recipe leaves out: ${left.join(", ")}.` +

@@ -44,7 +44,7 @@ export class Buildings {
     } catch (error) {
       if (key !== this.key) return;
       this.state = this.key = null;
-      this.lack.textContent = `The buildings cannot be shown: ${error.message}`;
+      this.lack.textContent = `Studio cannot show the buildings: ${error.message}`;
       this.lack.hidden = false;
     }
     this.canvas.hidden = this.table.hidden = !this.state;

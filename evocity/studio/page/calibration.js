@@ -6,9 +6,9 @@ export const byteText = (count) => (count >= 1e9 ? `${number(count / 1e9)} GB` :
 /** Show the result of a calibration: the time and disk space of the run, and the measures of the parents. */
 export function showCalibration(parent, result) {
   const { estimate, values, bounds } = result;
-  element(parent, "p", "", `${countText(estimate.births)} births in ${countText(result.generations)} generations take about ${estimate.time} on ${result.workers} cores. ` +
+  element(parent, "p", "", `${countText(estimate.births)} births in ${countText(result.generations)} generations will take about ${estimate.time} on ${result.workers} cores. ` +
     `The run takes at most ${byteText(estimate.size)} of disk space; ${byteText(estimate.free)} are free.`);
-  if (!estimate.fits) element(parent, "p", "lack", "The run needs more disk space than is free: free some, or choose fewer generations.");
+  if (!estimate.fits) element(parent, "p", "lack", "The run needs more disk space than is free. Delete some files, or choose fewer generations.");
   if (result.failing) element(parent, "p", "lack", result.failing);
   const notes = element(parent, "ul", "notes");
   for (const text of result.notes) element(notes, "li", "", text);

@@ -13,12 +13,12 @@ export class RunControl {
     [this.server, this.on] = [server, on];
     const row = element(parent, "div", "row", "", { role: "group", "aria-label": "run control" });
     this.stop = element(row, "button", "", "stop the run", { type: "button" });
-    this.stop.addEventListener("click", () => this.send("stop-run", {}, "The run stops after this generation."));
+    this.stop.addEventListener("click", () => this.send("stop-run", {}, "The run will stop after the current generation."));
     this.resume = element(row, "button", "", "resume the run", { type: "button" });
     this.resume.addEventListener("click", () => {
       if (!this.count.reportValidity()) return;
       const generations = this.count.value.trim() === "" ? null : Number(this.count.value);
-      this.send("resume", { generations }, "The run resumes …");
+      this.send("resume", { generations }, "The run resumes now …");
     });
     const label = this.label = element(row, "label", "", "to generation ");
     this.count = element(label, "input", "", "", { type: "number", min: 1, max: 99999999, step: 1, placeholder: "all" });
@@ -47,7 +47,7 @@ export class RunControl {
     if (process && isFailed(process)) {
       const { code, said } = process, place = said.lastIndexOf("Error: ");
       const text = said.slice(Math.max(0, place)).split("\n").slice(-8).join(" ");
-      this.state.textContent = place < 0 ? `The run failed with exit code ${code}. The run's last lines: ${text}` : text;
+      this.state.textContent = place < 0 ? `The run failed with exit code ${code}. The last messages of the run were: ${text}` : text;
     }
   }
 }

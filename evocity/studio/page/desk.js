@@ -5,7 +5,7 @@ import { Starts } from "./starts.js";
 
 /** Milliseconds between two looks at a calibration or a reading. */
 const SOON = 400;
-const WANTS = [["max", "as high as possible"], ["min", "as low as possible"], ["target", "a target"], ["first", "as in the first parent"]];
+const WANTS = [["max", "as high as possible"], ["min", "as low as possible"], ["target", "a target"], ["first", "the value of the first parent"]];
 /** Limits of the length of a run, in generations and in minutes. */
 const LENGTHS = { generations: { max: 1000000, step: 1 }, minutes: { max: 525600, step: "any" } };
 /** A name that a folder can have. */
@@ -60,11 +60,11 @@ export class Desk {
     this.fields = element(this.form, "fieldset", "", "", { "aria-label": "choices for the recipe" });
 
     element(this.fields, "h3", "", "1. Cities to breed from");
-    element(this.fields, "p", "faint", "Choose two or more cities. Most children keep the streets of the first parent.");
+    element(this.fields, "p", "faint", "Choose two or more cities as parents. Most children keep the streets of the first parent.");
     const row = element(this.fields, "div", "row");
     const file = this.file = element(element(row, "label", "file", "your own files "), "input", "", "", { type: "file", multiple: "" });
     file.addEventListener("change", () => this.upload([...file.files]));
-    element(row, "span", "faint", "or drop files here: GeoJSON, CityJSON, GeoPackage, OSM, GeoTIFF, PNG, NPY. Save a Shapefile as GeoPackage first.");
+    element(row, "span", "faint", "To add files, drop them here: GeoJSON, CityJSON, GeoPackage, OSM, GeoTIFF, PNG or NPY. If your file is a Shapefile, first convert it to a GeoPackage.");
     this.uploadStatus = element(this.fields, "p", "", "", { role: "status" });
     this.cardList = element(this.fields, "ul", "cards", "", { "aria-label": "cities" });
     for (const name of ["dragover", "drop"]) {
@@ -75,7 +75,7 @@ export class Desk {
       });
     }
     const window = element(this.fields, "div", "row");
-    this.pixels = this.field(window, "side of the window, pixels", { min: 8, max: 32767, step: 1, required: "" });
+    this.pixels = this.field(window, "width of the square map in pixels", { min: 8, max: 32767, step: 1, required: "" });
     this.metres = this.field(window, "metres per pixel", { ...LENGTH, step: "any", required: "" });
     this.side = element(window, "span", "faint");
 
@@ -100,7 +100,7 @@ export class Desk {
     this.fields.addEventListener("change", ({ target }) => target !== file && target !== this.other && this.change());
 
     element(parent, "h3", "", "4. The recipe");
-    element(parent, "p", "faint", "Evocity codes and measures the cities, and sets bounds that heaps of rubble break. A few children are then bred to estimate the duration.");
+    element(parent, "p", "faint", "Evocity measures the cities and sets bounds that exclude maps unlike these cities. Evocity breeds a few trial children to estimate the duration of the run.");
     const go = element(parent, "div", "row");
     this.calibrate = element(go, "button", "", "make the recipe", { type: "button" });
     this.calibrate.addEventListener("click", async () => {
@@ -143,12 +143,12 @@ export class Desk {
     const text = JSON.stringify(state);
     if (text !== this.stateText) {
       this.stateText = text;
-      this.intro.textContent = `The run and its recipe go into the folder ${state.home}.`;
+      this.intro.textContent = `Studio saves the run and its recipe in the folder ${state.home}.`;
       this.fields.disabled = this.calibrate.disabled = state.busy;
       this.calibrate.disabled ||= !this.chosen.length || !this.goalChoices.length;
       this.stop.hidden = !state.busy;
       this.name.placeholder = state.usual;
-      this.side.textContent = `the window has sides of ${number(this.pixels.value * this.metres.value)} m`;
+      this.side.textContent = `the map is a square with sides of ${number(this.pixels.value * this.metres.value)} m`;
       this.showMaps(state.maps);
       const progress = state.fault ? faultText(state.fault) : state.busy ? `${state.said.at(-1) || "starting"} …` : state.found ? "The recipe is ready." : state.said.at(-1) || "";
       if (this.state.textContent !== progress) this.state.textContent = progress;
@@ -208,7 +208,7 @@ export class Desk {
       const fault = one.fault && faultText(one.fault);
       card.text.textContent = one.reading ? "reading …" : fault || aboutOf(one.about);
       card.text.classList.toggle("evocity-lack", Boolean(one.fault) && !one.reading);
-      card.credit.textContent = one.about ? one.about.attribution || "attribution: missing in the file" : "";
+      card.credit.textContent = one.about ? one.about.attribution || "the file states no attribution" : "";
       if (fault && fault !== card.fault) card.more.open = true;
       card.fault = fault;
     }
@@ -241,8 +241,8 @@ export class Desk {
     option("centre, longitude", "lon", { min: -180, max: 180 });
     option("latitude", "lat", { min: -89.999999, max: 89.999999 });
     option("default height, m", "default_height", LENGTH).placeholder = 6;
-    if (takes.includes("layer")) option("layer of the buildings", "layer");
-    if (takes.includes("height_scale")) option("metres per grey level or unit", "height_scale", LENGTH);
+    if (takes.includes("layer")) option("layer that contains the buildings", "layer");
+    if (takes.includes("height_scale")) option("height of one grey level, or of one unit of a raster, in metres", "height_scale", LENGTH);
     if (own) {
       const remove = element(item, "button", "", `remove ${title}`, { type: "button" });
       remove.addEventListener("click", async () => {
@@ -266,7 +266,7 @@ export class Desk {
       count += 1;
       this.uploadStatus.textContent = `uploading ${file.name}, ${count} of ${count + this.queue.length} …`;
       try {
-        if (file.size > this.longest) throw new Fault({ found: `${file.name} has ${byteText(file.size)}`, expected: `${byteText(this.longest)} at most`, remedy: "cut a part out of the file, or save the file as GeoPackage" });
+        if (file.size > this.longest) throw new Fault({ found: `${file.name} has ${byteText(file.size)}`, expected: `${byteText(this.longest)} at most`, remedy: "upload a smaller part of the file, or convert the file to a GeoPackage" });
         this.chosen.push((await uploadFile("desk-file", file)).map);
         if (!(await this.change())) await this.look(); // a new map is chosen
       } catch (error) {
@@ -386,7 +386,7 @@ export class Desk {
     const more = element(parent, "details");
     more.open = true;
     element(more, "summary", "", title);
-    element(more, "pre", "toml", text, { tabindex: "0", role: "group", "aria-label": "text of the recipe" });
+    element(more, "pre", "toml", text, { tabindex: "0", role: "group", "aria-label": "full text of the recipe" });
   }
 
   showGiven(given) {
@@ -396,7 +396,7 @@ export class Desk {
     this.givenRecipe.replaceChildren();
     this.givenRecipe.hidden = !given;
     if (!given) return;
-    element(this.givenRecipe, "p", "", `Begin a run with the recipe ${given.path}, or make another recipe below.`);
+    element(this.givenRecipe, "p", "", `Begin a run with the recipe ${given.path}, or make a new recipe below.`);
     this.recipe(this.givenRecipe, given.text, "recipe.toml without changes", { given: true });
   }
 }
@@ -407,6 +407,6 @@ function aboutOf(about) {
   const [wide, tall] = about.metres, rules = Object.entries(about.rules);
   const count = rules.reduce((sum, [, of]) => sum + of, 0);
   const heights = rules.map(([rule, of]) => `${countText(of)} ${RULES[rule] || `from ${rule}`}`).join(", ");
-  return `${number(wide)} × ${number(tall)} m, ${Math.round(100 * about.built)} % built, up to ${number(about.highest)} m high` +
+  return `${number(wide)} × ${number(tall)} m, ${Math.round(100 * about.built)} % built, buildings up to ${number(about.highest)} m high` +
     (count ? `; ${countText(count)} buildings, heights: ${heights}.` : "; a raster of heights.");
 }

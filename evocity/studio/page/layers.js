@@ -45,12 +45,12 @@ export class Layers {
   /** Mark a layer by a picture over the whole map: each cell with at least half of its pixels neither black nor
    * transparent. Returns the number of marked cells. */
   async mark(layer, file) {
-    if (file.size > MOST_BYTES) throw new Error(`${file.name} has ${Math.round(file.size / 1e6)} MB. A picture for marks has at most ${MOST_BYTES / 1e6} MB.`);
+    if (file.size > MOST_BYTES) throw new Error(`${file.name} is larger than studio accepts (${Math.round(file.size / 1e6)} MB). Choose a picture of at most ${MOST_BYTES / 1e6} MB.`);
     let picture;
     try {
       picture = await createImageBitmap(file, { premultiplyAlpha: "none", colorSpaceConversion: "none" });
     } catch {
-      throw new Error(`${file.name} is not a picture that this browser can read. Use a PNG as large as the map, black or transparent in unmarked places.`);
+      throw new Error(`${file.name} is not a picture that this browser can read. Choose a PNG picture of the whole map: black pixels and transparent pixels mark nothing.`);
     }
     const { height, width, cell, rows, columns } = this, canvas = document.createElement("canvas");
     [canvas.width, canvas.height] = [width, height];

@@ -14,10 +14,10 @@ export class Picks {
     this.undo = this.button(first, "undo", () => this.change({ change: "undo" }));
     this.chooseThese = this.button(first, "choose the picks", () => on.choose(this.ids));
     this.list = element(parent, "ul", "picks");
-    this.emptyText = element(parent, "p", "faint", "No picks yet. Click a birth to choose it, and use Ctrl and click to choose more. Then pick the chosen births. Each pick may have a note.");
+    this.emptyText = element(parent, "p", "faint", "No picks yet. Click a birth to choose it; hold Ctrl and click to choose more births. Then pick the chosen births. You can add a note to each pick.");
     this.steer = element(parent, "div", "row");
-    this.button(this.steer, "breed from the picks too", () => this.command("pick"));
-    this.button(this.steer, "stop breeding from the picks", () => this.command("drop"));
+    this.button(this.steer, "let the run breed from the picks", () => this.command("pick"));
+    this.button(this.steer, "stop the run from breeding from the picks", () => this.command("drop"));
     this.message = element(parent, "p", "faint", "", { role: "status" });
     element(parent, "h2", "part", "save as files");
     const files = element(parent, "div", "row");
@@ -26,8 +26,8 @@ export class Picks {
     this.source.addEventListener("change", () => this.inform());
     this.files = [["zip", "zip"], ["contact sheet", "png"], ["CSV", "csv"]].map(([text, kind]) =>
       this.button(files, text, () => this.save(kind)));
-    element(parent, "p", "faint", "A zip contains the map of each birth as GeoTIFF, with footprints, picture and genome. " +
-      "The zip also contains a scene of each birth for 3D programs, and the scores of all births.");
+    element(parent, "p", "faint", "The zip file contains each birth's GeoTIFF map, building footprints, picture and genome. " +
+      "The zip file includes a 3D scene of each birth and a table of scores.");
     element(parent, "h2", "part", "open in a notebook");
     this.python = element(parent, "textarea", "code", "", { readonly: "", rows: "4", "aria-label": "a line of Python" });
     this.button(element(parent, "div", "row"), "copy", () => this.copy());
@@ -70,7 +70,7 @@ export class Picks {
       const item = [...this.list.children].find((one) => Number(one.dataset.id) === kept[0]);
       (item ? item.querySelector(kept[1].toLowerCase()) : this.undo).focus();
     }
-    this.place.textContent = place ? `The picks are in the file ${place}` : "";
+    this.place.textContent = place ? `Studio saves your picks in the file ${place}` : "";
     this.going = this.isGoing;
     this.small.request(this.ids, 96);
     this.draw();
@@ -122,7 +122,7 @@ export class Picks {
     this.message.textContent = "writing files …";
     try {
       await this.server.downloadFile(kind, { ids: this.exportIds }, `births.${kind}`);
-      this.message.textContent = `births.${kind} is in your downloads.`;
+      this.message.textContent = `The file births.${kind} is in your downloads folder.`;
       this.on.trouble(null);
     } catch (error) {
       this.message.textContent = "";
@@ -146,7 +146,7 @@ export class Picks {
       this.message.textContent = "copied";
     } catch {
       this.python.select();
-      this.message.textContent = "The line is selected: copy it with Ctrl+C.";
+      this.message.textContent = "The line of Python is selected. Press Ctrl+C to copy the line.";
     }
   }
 }

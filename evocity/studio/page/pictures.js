@@ -3,8 +3,8 @@ import { element, number } from "./elements.js";
 /** Pictures of a birth, by their names for the server. */
 const PICTURES = [["map", "map"], ["stones", "ancestry"]];
 /** Maps of the calls to its own parts, by their names for the server, and in words. */
-const COUNTS = [["ranges", "usage", "how many lifs call the domain block of each range block"],
-  ["pixels", "µ", "how many lifs call each pixel"]];
+const COUNTS = [["ranges", "usage", "how many lifs copy from each block"],
+  ["pixels", "µ", "how many lifs copy from each pixel"]];
 /** Views in three dimensions, which the page draws itself. */
 const SPACES = [["columns", "3D"], ["walk", "walk"]];
 /** The picture that needs a pinned birth. */
@@ -98,17 +98,17 @@ export class Pictures {
       const more = about.most > about.end ? `; a few values reach ${about.most}` : "";
       const whose = other === undefined ? "" : `, birth ${id}`;
       return { blob: png(content), words: `birth ${id}: ${count[2]}`,
-        legend: `${count[2]}${whose}: the colours go from 0 to ${number(about.end)}${more}.` };
+        legend: `${count[2]}${whose}: the colour scale covers values from 0 to ${number(about.end)}${more}.` };
     }
     if (kind === DIFFERENCE) {
       const { about, content } = await this.server.getFramed("difference", { id, beside: this.beside });
       const share = `${(100 * about.apart).toFixed(about.apart < 0.1 ? 1 : 0)} %`;
       const mean = `${about.more < 0 ? "−" : "+"}${number(Math.abs(about.more))} m`;
-      return { blob: png(content), words: `red where birth ${id} is higher than birth ${this.beside}, blue where it is lower`,
+      return { blob: png(content), words: `difference of heights: red where birth ${id} is higher, blue where birth ${this.beside} is higher`,
         legend: `Birth ${id} minus birth ${this.beside}: red is higher, blue is lower. ${share} of the map differs by more than a storey; the mean difference is ${mean}.` };
     }
     return { blob: await this.server.getBlob("picture", { id, kind, ...beside }),
-      words: { map: `map of heights of birth ${id}, north up`, stones: `the source city of each part of birth ${id}` }[kind] };
+      words: { map: `map of heights of birth ${id}, north up`, stones: `map of birth ${id}, coloured by source city` }[kind] };
   }
 
   /** Draw in three dimensions; the modules for this load at first use. */
@@ -134,7 +134,7 @@ export class Pictures {
         if (!isCurrent()) return;
         this.spaceView.setSolids(place, bytes);
       } catch (error) {
-        if (isCurrent()) this.legend.textContent = `The walls of birth ${id} follow its pixels: ${error.message}`;
+        if (isCurrent()) this.legend.textContent = `Birth ${id} has no building outlines, so its walls follow the pixels: ${error.message}`;
       }
     }
   }

@@ -100,7 +100,7 @@ export class Run {
 
   inform(news) {
     const parts = [];
-    if (!this.about) parts.push("no whole generation yet");
+    if (!this.about) parts.push("the first generation is not complete yet");
     else parts.push(`generation ${countText(this.about.generation)}`, `${countText(this.about.count)} births`);
     parts.push(news.going ? "running" : "finished");
     this.picks.going = news.going;
@@ -129,7 +129,7 @@ export class Run {
     const { one, pinned, ...state } = checkState(this.saved, new Births(about, content), this.usual);
     this.state = { ...state, one, pinned };
     this.main.setAttribute("aria-label", `all births of ${about.title}`);
-    this.side.setAttribute("aria-label", `details of ${about.title}: a birth, picks and children`);
+    this.side.setAttribute("aria-label", `details of ${about.title}, with tabs for births, picks and children`);
     this.viewer = new Viewer(this.births, {
       about, buffer: content, state,
       save: (changes) => this.save(changes),

@@ -15,16 +15,16 @@ async function request(address, options = {}) {
   try {
     answer = await fetch(address, { ...options, credentials: "same-origin", cache: "no-store", redirect: "error" });
   } catch {
-    throw new Gone("Studio has ended and does not answer. This page keeps its contents. " +
-      "To go on, start studio again with the same --port, then open the address that studio prints.");
+    throw new Gone("Studio does not answer and probably no longer runs. The contents of this page stay visible. " +
+      "To continue, start studio again with the same --port and open the address that studio prints.");
   }
   if (answer.ok) return answer;
   const isFault = (answer.headers.get("content-type") || "").startsWith("application/json");
   if (isFault) throw new Fault((await answer.json()).error);
   if (answer.status === 403) {
-    throw new Gone("Studio was started again and does not know this page. To go on, open the address that studio printed.");
+    throw new Gone("This page belongs to a studio process that has ended. To continue, open the address that studio printed at its last start.");
   }
-  throw new Gone(`Studio could not answer (status ${answer.status}). Read the messages of studio in the terminal.`);
+  throw new Gone(`Studio answered with the HTTP error ${answer.status}. Read studio's messages in the terminal where you started it.`);
 }
 
 /** The JSON at an address. */

@@ -38,7 +38,7 @@ export class Space {
   show(listed, isWalk) {
     const kind = this.kind = isWalk && supported() ? "walk" : "columns";
     this.light.hidden = kind !== "walk";
-    this.how.textContent = (isWalk && kind === "columns" ? "This browser has no WebGL2, so it shows the city from outside. " : "") + HOW[kind];
+    this.how.textContent = (isWalk && kind === "columns" ? "This browser lacks WebGL2, so the page shows the city from outside, without a walk through the streets. " : "") + HOW[kind];
     while (this.views.length < listed.length) this.views.push(new View(this.pair));
     this.views.forEach((view, place) => view.show(listed[place], kind, listed.length > 1));
     this.shown = this.views.slice(0, listed.length);

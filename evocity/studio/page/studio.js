@@ -112,7 +112,7 @@ class Studio {
     this.chooser.hidden = runs.length < 2;
     this.nameDeskButton();
     const options = runs.map(({ run, name, going }) => [String(run), going ? `${name}, running` : name]);
-    const left = more ? [["", `${more} more runs are not in this list`]] : [];
+    const left = more ? [["", `The list leaves out ${more} runs.`]] : [];
     this.choosers.forEach((select, place) => {
       const was = select.value, none = place ? [["", "none"]] : [];
       select.replaceChildren(...[...none, ...options, ...left].map(([value, text]) => element(null, "option", "", text, { value })));

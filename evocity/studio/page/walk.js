@@ -85,7 +85,7 @@ export class Walk {
     this.canvas = canvas;
     // smooth edges take most of the time without a graphics card
     this.gl = canvas.getContext("webgl2", { alpha: false, antialias: !probe().isSlow });
-    if (!this.gl) throw new Error("this browser has no WebGL2: check supported() first, and draw an Axonometry");
+    if (!this.gl) throw new Error("This browser has no WebGL2. Call supported() before you make a Walk; if supported() returns false, draw an Axonometry.");
     this.end = new AbortController();
     const { signal } = this.end;
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault(), { signal });
@@ -266,7 +266,7 @@ function program(gl, vertex, fragment) {
   gl.linkProgram(made);
   if (!gl.getProgramParameter(made, gl.LINK_STATUS) && !gl.isContextLost()) {
     const logs = gl.getAttachedShaders(made).map((one) => gl.getShaderInfoLog(one));
-    throw new Error(`this browser cannot draw the walk: ${[...logs, gl.getProgramInfoLog(made)].join(" ")}`);
+    throw new Error(`This browser cannot draw the walk through the city: ${[...logs, gl.getProgramInfoLog(made)].join(" ")}`);
   }
   const places = {};
   return { program: made, at: (name) => (places[name] ??= gl.getUniformLocation(made, name)) };

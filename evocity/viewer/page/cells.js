@@ -44,7 +44,7 @@ export class Cells {
       this.filled.set(place, { row, across: Math.floor(place / grid.counts[1]), up: place % grid.counts[1] });
     }
     const whole = grid.counts.reduce((product, one) => product * one, 1);
-    this.summary.textContent = `${count} of ${whole} cells are filled. Each cell shows, by ${by.name.replaceAll("_", " ")}, the first birth that breaks no bound` +
+    this.summary.textContent = `The grid has births in ${count} of ${whole} cells. Each cell shows its first birth that breaks no bound, in order of ${by.name.replaceAll("_", " ")}` +
       (grid.island ? `, in the grid of island ${grid.island}` : "");
     this.lay();
   }

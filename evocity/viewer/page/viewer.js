@@ -29,7 +29,7 @@ export class Viewer {
     this.title = element(top, "b");
     this.count = element(top, "output", "count");
     this.button(top, "clear filter", () => this.change({ brushes: {} }));
-    this.button(top, "choose all births that pass", () =>
+    this.button(top, "choose all births that pass the filter", () =>
       this.change({ chosen: Array.from(this.rows, (row) => this.births.ids[row]) }));
     this.button(top, "choose none", () => this.change({ chosen: [] }));
     const views = element(top, "div", "row", "", { role: "group", "aria-label": "view" });
@@ -146,7 +146,7 @@ export class Viewer {
     }
     if (to === undefined) {
       this.kind.value = "";
-      this.host.trouble(new Error("First choose a birth. The maps are then ordered by likeness to this birth."));
+      this.host.trouble(new Error("First choose a birth, so that the page can order the maps by likeness to this birth."));
       return;
     }
     const { births } = this, passing = this.births.rowOrder(this.state.order).filter((row) => this.mask[row]);
@@ -159,7 +159,7 @@ export class Viewer {
       if (this.kind.value !== kind || this.way.value !== by) return;
       this.arrangement = this.differenceColumn(kind === "spread" ? kind : `distance to ${to}`, ids, numbers);
       this.comparison.textContent = kept.length < passing.length ?
-        `Only the first ${kept.length} of ${countText(passing.length)} passing births are compared; the others follow.` : "";
+        `Only the first ${kept.length} of ${countText(passing.length)} births are compared; the other births follow.` : "";
       this.sortedRows = this.births.sortRows(this.arrangement);
       this.newCount = 0;
       this.gallery.root.scrollTop = 0;
@@ -194,7 +194,7 @@ export class Viewer {
   showFacts(about) {
     this.title.textContent = about.title;
     this.credit.textContent =
-      `All maps show heights from 0 to ${number(about.highest)} m. ${about.credit}`;
+      `The colour scale of all maps covers heights from 0 to ${number(about.highest)} m. ${about.credit}`;
     this.order.replaceChildren(...this.births.columns.map((one) =>
       element(null, "option", "", one.name, { value: one.name })));
     this.order.value = this.state.order.name;
@@ -259,7 +259,7 @@ export class Viewer {
       if (this.kind) this.kind.value = "";
     }
     this.orderButton.hidden = !this.newCount;
-    if (this.newCount) this.orderButton.textContent = `sort the ${countText(this.newCount)} new births, now last`;
+    if (this.newCount) this.orderButton.textContent = `sort the ${countText(this.newCount)} new births into the list`;
     if ("brushes" in changes || "order" in changes) {
       this.rows = this.sortedRows.filter((row) => this.mask[row]);
     }
@@ -279,7 +279,7 @@ export class Viewer {
       this.gallery.show(this.births, this.rows, this.by);
     } else if ("chosen" in changes) this.gallery.draw();
     this.emptyText.hidden = this.rows.length > 0;
-    const parts = [`${countText(this.rows.length)} of ${countText(this.births.count)} births pass`];
+    const parts = [`${countText(this.rows.length)} of ${countText(this.births.count)} births pass the filter`];
     parts.push(`${countText(this.parallel.chosen.length)} chosen`);
     this.count.textContent = parts.join(", ");
     const awake = this.gallery.active < 0 ? this.parallel.chosen.at(-1) : this.rows[this.gallery.active];
@@ -347,7 +347,7 @@ export class Viewer {
     this.about.replaceChildren();
     if (this.host.activate) this.host.activate(row < 0 ? null : this.births.ids[row]);
     if (row < 0) {
-      element(this.about, "p", "faint", "To see the numbers of a birth, click it, or go to it with the arrow keys and press space. Shift or Ctrl with a click chooses more births. " +
+      element(this.about, "p", "faint", "To see the numbers of a birth, click the birth, or select it with the arrow keys and press space. To choose more births, hold Shift or Ctrl and click. " +
         "Drag along an axis to filter; click its name for more.");
       return;
     }

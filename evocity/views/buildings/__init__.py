@@ -1,16 +1,19 @@
 """Buildings: segmentation by gaps and steps of height, a table, outlines, and flat roofs.
 
-- `segmentation`: `separate_buildings`, `zones_of`
-- `table`: `Buildings`, one row for each building, and `measured`
+- `segmentation`: `separate_buildings`, `zones_of`; `settled`, each building at its median height
+- `table`: `Buildings`, one row for each building, and `measured`; polygons: `outlines`
 - `hulls`: convex hull, smallest rectangle and smallest circle of each
-- `outline`: polygons of buildings: `outlines`
-- `flat_roofs`: `settled`, each building at its median height
 """
 
-from evocity.views.buildings.flat_roofs import settled, settled_zones
-from evocity.views.buildings.outline import outlines
-from evocity.views.buildings.segmentation import CRUMB, STEP, separate_buildings, zones_of
-from evocity.views.buildings.table import Buildings, measured
+from evocity.views.buildings.segmentation import (
+    CRUMB,
+    STEP,
+    separate_buildings,
+    settled,
+    settled_zones,
+    zones_of,
+)
+from evocity.views.buildings.table import Buildings, measured, outlines
 
 __all__ = [
     "CRUMB",

@@ -1,4 +1,4 @@
-"""Segmentation of built pixels into buildings, by gaps and by steps of height."""
+"""Segmentation of built pixels into buildings, by gaps and steps of height; flat roofs."""
 
 from numbers import Real
 
@@ -31,31 +31,26 @@ def separate_buildings(
     Built pixels that touch by sides are one building where their heights differ by at most
     ``step``: quasi-flat zones. A zone smaller than ``crumb`` (a chimney, a stair, the noise of
     decoding) joins the neighbour with which it shares the longest wall. With equal walls it joins
-    the neighbour closest in mean height, then the largest, then the first. So pixels that touch by
-    sides and rise evenly stay one building, and no two zones of ``crumb`` or more are joined. The
-    first neighbour is the first from north to south, row by row: where all else is equal, turning
-    the map may give a crumb to another neighbour.
+    the neighbour closest in mean height, then the largest, then the first from north to south, row
+    by row. So pixels that rise evenly stay one building, and no two zones of ``crumb`` or more are
+    joined.
 
-    Parameters
-    ----------
     heights : float32 ``(H, W)``, metres.
     labels : int32 ``(H, W)``: 0 on open ground, 1…k on the built components (`CityMap.labels`).
-    metres_per_pixel : side of a pixel, metres.
     step : metres, 0 or more; 0 separates every plateau, infinity separates by gaps only.
     crumb : m²; 0 for no joining.
     site : as in `measured`.
 
-    Raises
-    ------
-    MapError : ``step`` or ``crumb`` is negative or not a number.
+    Raises `MapError` if ``step`` or ``crumb`` is negative or not a number.
 
     Source: quasi-flat zones as in Soille 2008 (IEEE PAMI 30:1132-1145); the joining of small zones
-    is ours.
-    """
+    is ours."""
     for name, value, unit in (("step", step, "metres"), ("crumb", crumb, "m²")):
         if not (isinstance(value, Real) and value >= 0):
             raise MapError(
-                f"{name} = {value!r}", f"{unit}, 0 or more", f"leave {name} out to use the default"
+                f"{name} = {value!r} is invalid",
+                f"a number of {unit}, 0 or more",
+                f"leave {name} out to use the default value",
             )
     zones = zones_of(heights, labels, metres_per_pixel, step, crumb)
     return measured(heights, labels, zones, metres_per_pixel, site)
@@ -81,3 +76,53 @@ def _least_pixels(crumb: float, pixel: float, size: int) -> int:
     """Compute the fewest pixels of ``pixel`` m² that are not a crumb, at most ``size`` + 1."""
     fewest = int(min(np.ceil(crumb / pixel), size + 1))
     return fewest - 1 if (fewest - 1) * pixel >= crumb else fewest  # the quotient may round up
+
+
+def settled(
+    heights: np.ndarray,
+    labels: np.ndarray,
+    metres_per_pixel: float,
+    keep: np.ndarray | None = None,
+) -> np.ndarray:
+    """Set every building to its median height, and open ground to 0.
+
+    Gaps and steps of height separate buildings, as in `separate_buildings` by default. The median
+    of an even number of heights is the lower of the middle two. Neighbours whose medians differ by
+    no more than the step unite and take the median of all their pixels, until no such pair remains.
+    So the function is idempotent: the buildings of the result are those it made flat.
+
+    heights : float32 ``(H, W)``, metres.
+    labels : ``(H, W)``: 0 or False on open ground, else built (`CityMap.labels`, `CityMap.built`).
+    keep : bool ``(H, W)``, or None: pixels that stay the same and belong to no building here. Other
+        pixels that are not built are traces of decoding, and become ground.
+
+    Returns a new array, float32 ``(H, W)``, metres. Raises `MapError` if ``keep`` has another shape
+    than ``heights``. About 2 ms at 256². Source: ours."""
+    roofs, _ = settled_zones(heights, labels, metres_per_pixel, keep)
+    return roofs
+
+
+def settled_zones(
+    heights: np.ndarray,
+    labels: np.ndarray,
+    metres_per_pixel: float,
+    keep: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Do as `settled`, and return the labels of the flat buildings too: int32 ``(H, W)``, else 0.
+
+    With nothing to ``keep`` they equal those of `separate_buildings` in the settled map.
+    """
+    if keep is not None and np.shape(keep) != heights.shape:
+        raise MapError(
+            f"the array 'keep' has the shape {np.shape(keep)}, but the map has the shape "
+            f"{heights.shape}",
+            "an array 'keep' with one boolean for each pixel of the map",
+            f"give the array 'keep' the shape {heights.shape}",
+        )
+    roofs = np.zeros(heights.shape, np.float32)
+    if keep is not None:
+        labels = np.where(keep, labels.dtype.type(0), labels)  # keeps the type
+        np.copyto(roofs, heights, where=keep)
+    zones = zones_of(heights, labels, metres_per_pixel)
+    _kernels.level(heights, zones, int(zones.max(initial=0)), STEP, roofs)
+    return roofs, zones

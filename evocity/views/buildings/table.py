@@ -1,7 +1,8 @@
-"""The table of buildings: area, height, perimeter, direction, shape, one row for each."""
+"""The table of buildings, one row for each, and their outlines as polygons."""
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,6 +10,9 @@ from evocity.views.buildings import _kernels
 from evocity.views.buildings.hulls import hulls
 from evocity.views.limit_tables import read_only
 from evocity.views.orientation import nearest
+
+if TYPE_CHECKING:
+    import shapely
 
 #: The site of a whole map.
 _ALL = np.empty((0, 0), bool)
@@ -107,11 +111,7 @@ class Buildings:
         np.cumsum(self.bounds[:, 2] - self.bounds[:, 0], out=starts[1:])
         hulls(self.labels, self.bounds, starts, inside, boxes, circles)
         pixel = self.metres_per_pixel
-        return (
-            read_only(inside * pixel**2),
-            read_only(boxes * pixel),
-            read_only(circles * pixel),
-        )
+        return read_only(inside * pixel**2), read_only(boxes * pixel), read_only(circles * pixel)
 
     def as_dict(self) -> dict[str, np.ndarray]:
         """Return all columns by name, ``(n,)`` each, as `pandas.DataFrame` takes them.
@@ -165,6 +165,30 @@ def measured(
         "sides": sides.copy(),
         "shared": shared.copy(),
     }
-    for array in columns.values():
-        read_only(array)
-    return Buildings(**columns, metres_per_pixel=metres_per_pixel)
+    frozen = {name: read_only(column) for name, column in columns.items()}
+    return Buildings(**frozen, metres_per_pixel=metres_per_pixel)
+
+
+def outlines(
+    labels: np.ndarray, metres_per_pixel: float, corner: tuple[float, float]
+) -> "tuple[shapely.Polygon, ...]":
+    """Draw each building of ``labels`` as a polygon along its pixels' edges, courtyards as holes.
+
+    labels : int32 ``(H, W)``: 0 on open ground, 1…n on the buildings, each of pixels that touch
+        by sides (`Buildings.labels`).
+    corner : (x, y) of the north-west corner, x to the east, y to the north, metres.
+
+    Returns n valid shapely polygons in the order of the labels: polygon i is building i + 1."""
+    # slow to load, and few runs need polygons
+    import shapely
+    from affine import Affine
+    from rasterio.features import shapes
+
+    side, (left, top) = metres_per_pixel, corner
+    transform = Affine(side, 0.0, left, 0.0, -side, top)
+    polygons = np.empty(int(labels.max()), object)
+    for shape, label in shapes(labels, labels > 0, connectivity=4, transform=transform):
+        shell, *holes = shape["coordinates"]
+        polygons[int(label) - 1] = shapely.Polygon(shell, holes)
+    # an outline that touches itself at a corner becomes a shell and a hole that touch
+    return tuple(shapely.make_valid(polygons, method="structure", keep_collapsed=False))

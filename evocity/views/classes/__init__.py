@@ -1,8 +1,7 @@
 """Classes of objects: building, furniture, tree, ground-levelled, fountain, shelter, post.
 
-- `objects`: objects lower than buildings, and the features of all objects
 - `table`: limits and colour of each class: `ClassTable`
-- `classes`: the classes of a map: `classified`, `Classes`
+- `classes`: objects of a map, low ones too, and their classes: `classified`, `Classes`
 """
 
 from evocity.views.classes.classes import Classes, classified

@@ -112,8 +112,8 @@ def _check_entries(table: ClassTable) -> None:
         if not _is_possible(box):
             raise MapError(
                 f"{found}: no object has {table.FORMAT.describe_box(box)}",
-                "limits that some object keeps; slenderness is height by the root of the area",
-                "correct its limits, or take it out",
+                "limits that some object can meet; slenderness is height divided by √area",
+                "correct the limits of this entry, or remove the entry",
             )
         if remainder(box, [earlier for _, earlier in table.entries[:k]]) is None:
             first = [
@@ -122,9 +122,10 @@ def _check_entries(table: ClassTable) -> None:
                 if intersection(box, earlier) is not None
             ]
             raise MapError(
-                f"{found}: it overlaps with {', '.join(first)}, which come first",
-                "entries that each take something the earlier ones do not",
-                "put it before these, narrow them, or take it out",
+                f"{found}: earlier entries, {', '.join(first)}, take all its objects",
+                "an entry that takes objects which no earlier entry takes",
+                "move this entry before the earlier entries, narrow the earlier entries, or "
+                "remove this entry",
             )
 
 

@@ -1,13 +1,11 @@
 """Open ground: distance to walls, pieces and courtyards, middle lines of streets.
 
-- `distance`: metres from every pixel to the nearest built one: `distance_to_built`
-- `space`: pieces of open ground, and courtyards: `OpenSpace`, `open_space`
+- `space`: `OpenSpace`, pieces of open ground and courtyards; `distance_to_built`, metres
 - `lines`: middle lines of streets, and their widths: `Streets`, `streets`
 """
 
-from evocity.views.ground.distance import distance_to_built
 from evocity.views.ground.lines import WIDEST, Streets, streets
-from evocity.views.ground.space import OpenSpace, open_space
+from evocity.views.ground.space import OpenSpace, distance_to_built, open_space
 
 __all__ = [
     "WIDEST",

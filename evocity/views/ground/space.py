@@ -1,11 +1,12 @@
-"""Open space: the pieces of open ground, their areas, and the courtyards among them."""
+"""Open space: pieces of open ground, their areas, courtyards, and distance to buildings."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from evocity.views.connected_components import pieces
-from evocity.views.ground._kernels import nest
+from evocity.views.ground._kernels import nest, squared_distances
+from evocity.views.limit_tables import read_only
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,15 +37,11 @@ def open_space(
 ) -> OpenSpace:
     """Compute the open space around built components.
 
-    Parameters
-    ----------
     labels : int32 ``(H, W)``: 0 on open ground, 1…n on built components of 4 neighbours.
-    metres_per_pixel : side of a pixel, metres.
     site : bool ``(H, W)``: the map's own pixels, None for all. Its edge is a border like the
         map's; ``enclosed`` counts pixels beyond it as ground.
 
-    About 0.4 ms at 256², labels given. All arrays are read-only.
-    """
+    About 0.4 ms at 256², labels given. All arrays are read-only."""
     grounds, count = pieces(labels == 0, corners=True)
     pixels = np.empty(count, np.int64)
     enclosed_by = np.empty(count, np.int32)
@@ -54,9 +51,7 @@ def open_space(
         grounds, pixels, enclosed_by = _clip_to_site(grounds, enclosed_by, site)
     pixel = metres_per_pixel**2
     arrays = grounds, pixels * pixel, enclosed_by, enclosed * pixel
-    for array in arrays:
-        array.setflags(write=False)
-    return OpenSpace(*arrays)
+    return OpenSpace(*map(read_only, arrays))
 
 
 def _clip_to_site(
@@ -71,3 +66,26 @@ def _clip_to_site(
     whole[own[own > 0] - 1] = grounds[own > 0]
     by = np.where(beyond[whole], -1, enclosed_by[whole - 1]).astype(np.int32)
     return own, np.bincount(own.ravel(), minlength=count + 1)[1:], by
+
+
+def distance_to_built(built: np.ndarray, metres_per_pixel: float) -> np.ndarray:
+    """Compute the metres from each pixel's centre to that of the nearest ``built`` pixel.
+
+    Returns float32 ``(H, W)``: 0 on built pixels, infinity everywhere without any. The distance is
+    Euclidean and exact (Meijster, Roerdink & Hesselink 2000). The wall itself is half a pixel
+    nearer. The map's border does not count as a wall. About 0.9 ms at 256²."""
+    squares, _ = nearest_built(built)
+    if squares[0, 0] < 0:
+        return np.full(built.shape, np.inf, np.float32)
+    return (np.sqrt(squares) * metres_per_pixel).astype(np.float32)
+
+
+def nearest_built(built: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find the nearest built pixel of each pixel.
+
+    Returns int32 ``(H, W)``, squared distances in px, and int32 ``(2, H, W)``, row and column of
+    the nearest built pixel; both −1 everywhere if nothing is built.
+    """
+    squares, nearest = np.empty(built.shape, np.int32), np.empty((2, *built.shape), np.int32)
+    squared_distances(built, squares, nearest)
+    return squares, nearest

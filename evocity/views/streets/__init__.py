@@ -4,12 +4,19 @@
 - `lines`: the graph of lines, without narrow passages and short dead ends, with merged crossings
 - `places`: squares and other wide, compact ground
 - `kinds`: a table of kinds of streets, and of the limits of a place: `StreetKinds`
-- `ribbons`: the surfaces of streets
-- `graph`: the street graph of a map: `street_graph`, `StreetGraph`
+- `graph`: the street graph of a map, and surfaces of streets: `street_graph`, `StreetGraph`
 """
 
-from evocity.views.streets.graph import LEAST_WIDTH, SPURS, StreetGraph, street_graph
+from evocity.views.streets.graph import ALLEY_WIDTH, LEAST_WIDTH, SPURS, StreetGraph, street_graph
 from evocity.views.streets.kinds import StreetKinds
 from evocity.views.streets.places import Places
 
-__all__ = ["LEAST_WIDTH", "SPURS", "Places", "StreetGraph", "StreetKinds", "street_graph"]
+__all__ = [
+    "ALLEY_WIDTH",
+    "LEAST_WIDTH",
+    "SPURS",
+    "Places",
+    "StreetGraph",
+    "StreetKinds",
+    "street_graph",
+]

@@ -4,15 +4,15 @@ import dataclasses
 import os
 from dataclasses import dataclass, field
 from functools import cached_property
-from numbers import Real
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 
-from evocity.errors import MapError, setting
+from evocity.errors import MapError, check_number
 from evocity.views.buildings import outlines
 from evocity.views.connected_components import pieces
-from evocity.views.ground.distance import nearest_built
+from evocity.views.ground.space import nearest_built
 from evocity.views.limit_tables import read_only
 from evocity.views.streets._kernels import middles, smoothed, straight_on, thickness
 from evocity.views.streets.kinds import StreetKinds, packaged
@@ -24,7 +24,6 @@ from evocity.views.streets.lines import (
     select_streets,
 )
 from evocity.views.streets.places import Places, make_places
-from evocity.views.streets.ribbons import make_ribbons
 from evocity.views.streets.skeleton import Ground, skeleton
 
 if TYPE_CHECKING:
@@ -32,12 +31,16 @@ if TYPE_CHECKING:
 
 #: Least width of a street, metres; narrower passages are gaps between houses and ways to courts.
 LEAST_WIDTH = 8.0
+#: Least width of an alley, metres.
+ALLEY_WIDTH = 4.0
 #: Least length of a dead end, in widths of the street where it begins.
 SPURS = 1.0
 
 #: Greatest width in `StreetGraph.width_map`, metres.
 WIDEST = 100.0
 
+# Step between discs along the points of a line; number of points over which widths are smoothed.
+_EVERY, _EVEN = 3, 9
 # Rounds of smoothing of a line; its root of half is the reach, px, each way.
 _ROUNDS = 18
 # A street continues over a crossing if it turns by less than 45°; directions are taken so many
@@ -134,7 +137,7 @@ class StreetGraph:
         solid = np.array([polygon for some in solid for polygon in some], dtype=object)
         left, top = made.corner
         window = left, top - shape[0] * made.pixel, left + shape[1] * made.pixel, top
-        return make_ribbons(self.edges, halves, made.pixel, solid, window)
+        return _make_ribbons(self.edges, halves, made.pixel, solid, window)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,20 +173,17 @@ def street_graph(
     kinds: StreetKinds | str | os.PathLike | None = None,
     water: np.ndarray | None = None,
 ) -> StreetGraph:
-    """The street graph of open ground.
+    """Compute the street graph of open ground.
 
     Thinning reduces ground to lines in the middle between walls, and keeps its topology
     (`evocity.views.ground.streets`). Without removed passages, pruned dead ends and places, each
     piece of ground has one component. Each built component that does not touch the frame then has
-    one independent cycle. Crossings within one disc of open ground are one
-    node.
+    one independent cycle. Crossings within one disc of open ground are one node.
 
-    Parameters
-    ----------
     open_ground : bool ``(H, W)``. building_labels : int32 ``(H, W)``, 0, or 1…n on n buildings.
-    metres_per_pixel : side of a pixel, metres. corner : (x, y) of the north-west corner, metres, x
-    to the east, y to the north. site : bool ``(H, W)``, the map's own pixels, None for all.
-    closed : whether the frame is a wall. The streets of an open city run out of the map.
+    corner : (x, y) of the north-west corner, metres, x to the east, y to the north. site : bool
+    ``(H, W)``, the map's own pixels, None for all. closed : whether the frame is a wall. The
+    streets of an open city run out of the map.
     least_width : edges narrower at any point, metres, are left out. 0 keeps all.
     spurs : dead ends no longer than so many times the width of the ground where they begin are left
         out. 0 keeps all.
@@ -193,21 +193,19 @@ def street_graph(
     kinds : a `StreetKinds`, or the path of its TOML file; None for the table of this package.
     water : bool ``(H, W)``, open ground that is water; None for a map without any.
 
-    Raises
-    ------
-    MapError : a parameter is not such a number or mask, or the table is wrong.
+    Raises `MapError` for a parameter that is not such a number or mask, or for a wrong table.
 
     Sources: homotopic skeleton, widths, places, quarters and kinds, open and closed city, Marsault
     2002 (§6.2) and 2005 (§3.3, fig. 12), which give no numbers; the method is ours. About 20 ms
-    at 256².
-    """
-    _check_number("least_width", least_width, "metres, 0 or more")
-    _check_number("spurs", spurs, "a number of widths, 0 or more")
+    at 256²."""
+    check_number("least_width", least_width, 0, np.inf, "metres, 0 or more", MapError)
+    check_number("spurs", spurs, 0, np.inf, "a number of widths, 0 or more", MapError)
     if water is not None and (np.asarray(water).dtype != bool or water.shape != open_ground.shape):
         raise MapError(
-            f"water of {np.asarray(water).dtype} and shape {np.shape(water)}",
-            f"booleans of shape {open_ground.shape}, one for each pixel of the map",
-            "convert it, for example water = numbers > 0",
+            f"the parameter water is an array of {np.asarray(water).dtype} with the shape "
+            f"{np.shape(water)}",
+            f"an array of booleans of the shape {open_ground.shape}, one for each pixel",
+            "convert the array, for example water = numbers > 0",
         )
     table = packaged() if kinds is None else kinds
     table = table if isinstance(table, StreetKinds) else StreetKinds.read(table)
@@ -274,8 +272,7 @@ def _build(
         "quarters": _quarters(building_labels, drawn),
         "lines": drawn,
     }
-    for array in arrays.values():
-        array.setflags(write=False)
+    arrays = {name: read_only(array) for name, array in arrays.items()}
     return StreetGraph(edges=tuple(edges), places=places, _input=made, **arrays)
 
 
@@ -337,6 +334,32 @@ def _quarters(building_labels: np.ndarray, lines: np.ndarray) -> np.ndarray:
     return np.unique(own[1:], return_inverse=True)[1].astype(np.int32)
 
 
-def _check_number(name: str, value: object, expected: str) -> None:
-    if not (isinstance(value, Real) and 0 <= value < np.inf):
-        raise MapError(setting(name, value), expected, f"leave {name} out for the default")
+def _make_ribbons(
+    edges, halves: np.ndarray, pixel: float, solid: np.ndarray, window: tuple[float, ...]
+) -> np.ndarray:
+    """Make a polygon or multipolygon for each line: the area of discs that move along it.
+
+    edges : m shapely lines. halves : half the width at each of their points, line after line, m.
+    pixel : side of a pixel, m. solid : polygons to cut out. window : left, bottom, right, top of
+    the result, m.
+    """
+    import shapely
+
+    tree = shapely.STRtree(solid)
+    surfaces = np.empty(len(edges), dtype=object)
+    begin = 0
+    for k, edge in enumerate(edges):
+        points = shapely.get_coordinates(edge)
+        own = scipy.ndimage.uniform_filter1d(
+            halves[begin : begin + len(points)].astype(np.float64), _EVEN, mode="nearest"
+        )
+        begin += len(points)
+        at = np.unique(np.append(np.arange(0, len(points), _EVERY), len(points) - 1))
+        discs = shapely.buffer(shapely.points(points[at]), np.maximum(own[at], pixel / 4))
+        pairs = shapely.multipolygons(np.column_stack([discs[:-1], discs[1:]]))
+        surface = shapely.union_all(shapely.convex_hull(pairs))
+        near = solid[tree.query(surface, predicate="intersects")]
+        if len(near):
+            surface = shapely.difference(surface, shapely.union_all(near))
+        surfaces[k] = shapely.buffer(shapely.clip_by_rect(surface, *window), 0)
+    return surfaces

@@ -74,7 +74,11 @@ def packaged() -> StreetKinds:
 
 def _place(place: object) -> tuple[float, ...]:
     if not isinstance(place, Mapping):
-        raise MapError(f"place = {spell(place)}", f"[place] with {', '.join(_PLACE)}", "correct it")
+        raise MapError(
+            f"place = {spell(place)} is not a section",
+            f"a section [place] with the keys {', '.join(_PLACE)}",
+            "write a section [place] with these keys",
+        )
     for name in place:
         if name not in _PLACE:
             raise MapError(
@@ -87,8 +91,8 @@ def _place(place: object) -> tuple[float, ...]:
     for name, low, high in zip(_PLACE, lowest, highest, strict=True):
         if not (is_number(place[name]) and low <= place[name] <= high and place[name] > 0):
             raise MapError(
-                f"{name} = {spell(place[name])} of [place]",
-                f"a number, {low:g} to {high:g}, not 0",
-                f"leave {name} out for the usual value",
+                f"[place] has {name} = {spell(place[name])}",
+                f"a number from {low:g} to {high:g}, above 0",
+                f"correct {name}, or remove it to use the default value",
             )
     return tuple(float(place[name]) for name in _PLACE)

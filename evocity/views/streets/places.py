@@ -8,7 +8,8 @@ import scipy
 
 from evocity.views.buildings import outlines
 from evocity.views.connected_components import pieces
-from evocity.views.ground.distance import nearest_built
+from evocity.views.ground.space import nearest_built
+from evocity.views.limit_tables import read_only
 from evocity.views.streets.kinds import StreetKinds
 from evocity.views.streets.skeleton import Ground
 
@@ -50,8 +51,7 @@ def make_places(
     shape = tuple(side - 2 for side in ground.open.shape)
     middles, count = ground.middles, len(ground.hubs) - 1
     if not (kept.any() and count):
-        none = np.empty(0)
-        none.setflags(write=False)
+        none = read_only(np.empty(0))
         return Places((), none, none), np.full(shape, -1, np.int32)
     import shapely
 
@@ -76,10 +76,8 @@ def make_places(
     np.maximum.at(widest, middles.ravel(), 2 * np.sqrt(ground.room.ravel()))
     became = np.where(fits, np.cumsum(fits) - 1, -1)
     where = np.concatenate([[-1], became]).astype(np.int32)[whose]
-    places = tuple(polygons[fits]), area[fits], widest[present][fits] * pixel
-    for array in places[1:]:
-        array.setflags(write=False)
-    return Places(*places), where
+    columns = map(read_only, (area[fits], widest[present][fits] * pixel))
+    return Places(tuple(polygons[fits]), *columns), where
 
 
 def _largest_pieces(numbers: np.ndarray) -> np.ndarray:

@@ -6,8 +6,8 @@ import numpy as np
 
 from evocity.views.connected_components import dilate, pieces
 from evocity.views.ground._kernels import thin, widths_across
-from evocity.views.ground.distance import nearest_built
 from evocity.views.ground.lines import DENT
+from evocity.views.ground.space import nearest_built
 from evocity.views.streets._kernels import exits
 
 

@@ -1,12 +1,11 @@
 """Straight walls of a map's buildings, as a valid coverage of polygons: parameters and result."""
 
 from dataclasses import dataclass
-from numbers import Real
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from evocity.errors import MapError, keyword, setting
+from evocity.errors import MapError, check_number
 from evocity.views.limit_tables import read_only
 from evocity.views.walls.arcs import Arcs, trace_arcs
 from evocity.views.walls.coverage import build_coverage
@@ -72,24 +71,20 @@ def walls_of(
     on straight over a party wall become one line. The middles of pixels decide which building has
     them. So a range of lines leaves the middles of one building on one side and all others on the
     other. The mean of the range counts, or the line along the building's common directions if that
-    lies in the range. Corners are the crossings of lines. A courtyard of a few pixels becomes a
-    rectangle along its building's walls if it is nearly one. Lines that cross, or bound a polygon
-    that is not valid or unlike its pixels, fall back to simpler walls.
+    lies in the range. A courtyard of a few pixels becomes a rectangle along its building's walls if
+    it is nearly one. Lines that cross, or bound a polygon that is not valid or unlike its pixels,
+    fall back to simpler walls.
 
-    Parameters
-    ----------
     labels : int32 ``(H, W)``: 0 on open ground, 1…n on the buildings, each of pixels that touch by
         sides (`Buildings.labels`).
     heights, directions : float64 ``(n,)``, metres, and degrees counter-clockwise from east (NaN for
         no direction), of each building (`Buildings.height`, `Buildings.direction`).
-    metres_per_pixel : side of a pixel, metres.
     corner : (x, y) of the north-west corner, x to the east, y to the north, metres.
     detail : shortest run of a wall, metres, 0 or more. A raster shows nothing below a pixel.
     relative : the same as a share of the smaller building's size, the root of its area, 0…1; the
         larger of both counts. The papers draw 1/20.
     squared : whether walls turn to the one or two main directions of their building, or square to
-        them. Some pixels' middles may then change sides. Walls turn only by small angles, and
-        their ends move by little more than a pixel.
+        them, by small angles. Some pixels' middles may then change sides.
     storeys : height of a storey, metres: heights are rounded to whole storeys, at least one; None
         keeps heights.
     least_area : area below which a building joins the neighbour with which it shares the longest
@@ -97,18 +92,16 @@ def walls_of(
     site : bool ``(H, W)``: the map's own pixels, None for all. Walls along its edge follow the
         pixels.
 
-    Raises
-    ------
-    MapError : a parameter is not a number in its range.
+    Raises `MapError` for a parameter that is not a number in its range.
 
     Sources: the scale of detail and common angles, Marsault 2002 (§6.2) and 2005 (§3.2, fig. 11);
-    the method is ours. About 30 ms for a dense map of 256².
-    """
-    _check("detail", detail, 0, 20, "metres, 0 to 20: longer runs are walls of whole houses")
-    _check("relative", relative, 0, 1, "a share, 0…1")
-    _check("least_area", least_area, 0, np.inf, "m², 0 or more")
+    the method is ours. About 30 ms for a dense map of 256²."""
+    runs = "metres, 0 to 20: longer runs are walls of whole houses"
+    check_number("detail", detail, 0, 20, runs, MapError)
+    check_number("relative", relative, 0, 1, "a share, 0…1", MapError)
+    check_number("least_area", least_area, 0, np.inf, "m², 0 or more", MapError)
     if storeys is not None:
-        _check("storeys", storeys, 0.1, 100, "metres, 0.1 to 100, or None")
+        check_number("storeys", storeys, 0.1, 100, "metres, 0.1 to 100, or None", MapError)
     pixel = float(metres_per_pixel)
     count = int(labels.max(initial=0))
     kept, dropped = _remove_specks(labels, count, least_area / pixel**2)
@@ -125,11 +118,6 @@ def walls_of(
     polygons = tuple(coverage.polygons[order])
     columns = read_only(buildings), read_only(own)
     return Walls(polygons, *columns, *levels, arcs.changed, dropped)
-
-
-def _check(name: str, value: object, low: float, high: float, expected: str) -> None:
-    if not (isinstance(value, Real) and low <= value <= high and np.isfinite(value)):
-        raise MapError(setting(name, value), expected, f"correct {keyword(name)}, or leave it out")
 
 
 def _details(arcs: Arcs, detail: float, relative: float) -> np.ndarray:

@@ -22,13 +22,10 @@ UNROLLED = 16
 
 @kernel
 def coordinates(lines, y, down, across, slots, weights, mixed, folded, mean):
-    """folded[:, x] = D4 coordinates, without the mean, of the block of pixels
-    lines[y + down·i, x + across·j]; see evocity.coding.matching.d4 for their order.
-
-    ``slots`` (B, B) is `d4_slots`, ``weights`` (B²,) are the coordinates of the block of ones. The
-    others are working arrays, of the type of ``lines``, as wide as it is (B rows of ``mixed``) or
-    as ``folded``. Each step splits two lines into √½ (sum, difference).
-    """
+    """folded[:, x] = D4 coordinates, without the mean, of the block of pixels lines[y + down·i, x +
+    across·j]. ``slots`` (B, B) is `d4_slots`, ``weights`` (B²,) are the coordinates of the block of
+    ones. The others are working arrays, of the type of ``lines``, as wide as it is (B rows of
+    ``mixed``) or as ``folded``. Each step splits two lines into √½ (sum, difference)."""
     block, width, columns = slots.shape[0], np.uintp(mixed.shape[1]), np.uintp(mean.size)
     half = mean.dtype.type(np.sqrt(0.5))
     evens = (block + 1) // 2
@@ -74,11 +71,8 @@ def coordinates(lines, y, down, across, slots, weights, mixed, folded, mean):
 def fold(shrunk, step, slots, weights, least, planes, norms):
     """planes[y, :, x], norms[y, x] = D4 coordinates, of unit norm, and norm, without the mean, of
     the block of pixels shrunk[y + step·i, x + step·j]. Both are 0 where the energy (squared norm)
-    is at most ``least``.
-
-    ``slots`` and ``weights`` are those of `coordinates`. Columns where no block fits stay. Sums
-    have the type of ``shrunk``.
-    """
+    is at most ``least``. ``slots`` and ``weights`` are those of `coordinates`. Columns where no
+    block fits stay. Sums have the type of ``shrunk``."""
     block, width = slots.shape[0], shrunk.shape[1]
     columns = width - step * (block - 1)
     mixed = np.empty((block, width), shrunk.dtype)
@@ -162,10 +156,8 @@ def _folded(v, block, stones):
 
 def _part_energies(v, block, coordinate):
     """Compute squared norms of `WIDTH` blocks after `_folded`: of the whole, and of each part along
-    its lowest frequency and across it, as `used_parts` lists; u and w count as one part.
-
-    The rest is a difference, rounded up, since rounding grows with the block.
-    """
+    its lowest frequency and across it, as `used_parts` lists; u and w count as one part. The rest
+    is a difference, rounded up, since rounding grows with the block."""
     sizes, used, start = part_sizes(block), used_parts(block), 0
     everything, parts = v.zero, []
     margin = 1e-6 if block <= UNROLLED else 4e-6 * (block / UNROLLED) ** 2

@@ -58,14 +58,13 @@ def kind_kernels(block):
 
     @kernel
     def first_of_kinds(shrunk, step, top, rows, weights, least, table, at):
-        """at[n] = the place in memory of the n-th block that represents its kind, among blocks that
-        begin in ``rows`` rows from ``top`` on and are not flat; returns their number. There is room
-        for another.
+        """at[n] = the place in memory of the first block of the n-th kind, among blocks that begin
+        in ``rows`` rows from ``top`` on and are not flat; returns their number. There is room for
+        another.
 
-        Blocks of pixels shrunk[y + step·i, x + step·j] that differ only by a level, to the bit,
-        are of one kind, represented by the first. ``table``, of zeros and a power of two long,
-        keeps the last kind in each slot: a longer table leaves fewer doubles. ``weights`` are
-        those of `_relief_keys`.
+        Blocks of pixels shrunk[y + step·i, x + step·j] that differ only by a level, to the bit, are
+        of one kind. ``table``, of zeros and a power of two long, keeps the last kind in each slot:
+        a longer table leaves fewer doubles. ``weights`` are those of `_relief_keys`.
         """
         width, pixels = shrunk.shape[1], shrunk.ravel()
         columns = width - step * (block - 1)
@@ -161,11 +160,8 @@ def uneven(blocks, found):
 def canonical(blocks, sources, weights, shapes, keys, turned):
     """shapes[i] = block i with its lowest (or, upside down, its highest) pixel at 0, under the
     combination of sign and isometry, of 16, with the least sum keys[i], weighted by ``weights``
-    (B²,): turned[i], isometries 0…7, then the same upside down.
-
-    Sums of the same numbers in the same order, so equal bits give equal keys; float32 heights
-    have exact float64 differences.
-    """
+    (B²,): turned[i], isometries 0…7, then the same upside down. Equal bits give equal keys, and
+    float32 heights have exact float64 differences."""
     count, pixels = blocks.shape
     sides = np.empty((2, pixels, TOGETHER))
     low, high = np.empty(TOGETHER), np.empty(TOGETHER)
@@ -211,10 +207,8 @@ def canonical(blocks, sources, weights, shapes, keys, turned):
 @kernel
 def grouped(shapes, keys, table, of, first):
     """of[i] = the group of shape i, first[g] = the first shape of group g; returns the number of
-    groups. Shapes (n, B²) of one group are equal to the bit, and so are their ``keys``.
-
-    ``table``, of zeros and a power of two long, has room for twice as many shapes.
-    """
+    groups. Shapes (n, B²) of one group, and their ``keys``, are equal to the bit. ``table``, of
+    zeros and a power of two long, has room for twice as many shapes."""
     last, bits, count = np.uint64(table.size - 1), keys.view(np.uint64), 0
     shift = np.uint64(64 - np.int64(np.log2(table.size)))
     for i in range(keys.size):

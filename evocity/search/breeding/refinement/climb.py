@@ -31,11 +31,9 @@ Progress = Callable[[int, float], None]
 
 @dataclass(frozen=True)
 class Score:
-    """The sum of an individual's losses, each over its range among a run's first births, times
-    ``weights``; lower is better. A broken constraint is worse than any sum.
-
-    lows, ranges : of each goal the least loss and the range of the first births.
-    """
+    """The weighted sum of an individual's losses, each less its least (``lows``) and over its range
+    (``ranges``) among a run's first births; lower is better. A broken constraint is worse than any
+    sum."""
 
     aims: Aims
     lows: Sequence[float]
@@ -75,10 +73,9 @@ def _without_functions(aims: Aims) -> Aims:
 
 @dataclass(frozen=True)
 class ClimbResult:
-    """The best ``genome``, its ``values`` and its ``score`` (violation, sum). ``evaluations``:
-    children that were measured; ``failures``: those of them that failed, the first with ``error``;
-    ``bred``: children that were bred, of which equal ones are measured once. ``better``: whether
-    the best is a child."""
+    """The best ``genome``, its ``values`` and its ``score`` (violation, sum). Of the ``bred``
+    children, equal ones are measured once (``evaluations``); ``error`` is that of the first of the
+    ``failures``. ``better``: whether the best is a child."""
 
     genome: Genome
     values: Mapping[str, float]
@@ -102,10 +99,7 @@ def climb(
     tell: Progress | None = None,
 ) -> ClimbResult:
     """Find the best of a ``genome`` with these ``values`` and of the children of its ``tuning``, in
-    ``budget`` evaluations at most; equal children are measured once.
-
-    Passes on what ``breed``, ``measure`` and ``tell`` raise, Ctrl-C too.
-    """
+    ``budget`` evaluations at most. Passes on what ``breed``, ``measure`` and ``tell`` raise."""
     start = score(values)
     best, evaluated, failures, bred = (start, genome, values), 0, 0, 0
     error: str | None = None

@@ -21,15 +21,13 @@ from evocity.selection.population import Population
 
 @dataclass(frozen=True)
 class Refinement:
-    """An operator that tunes the first parent: the fabric of its street blocks, with that of the
-    other parents, or its heights. It measures children, so it needs an evaluator, see
-    `bred_within`.
+    """An operator that tunes the fabric or the heights of its first parent, and measures the
+    children by an evaluator, see `bred_within`. The child's ``made`` describes this under
+    ``refined``.
 
     values : of the first parent, measure -> raw number.
     score : what the optimiser minimises.
     make : gives the operator of a field from its ``side`` and ``values``.
-
-    The child's ``made`` has, under ``refined``, the count of ``evaluations`` and the scores.
     """
 
     way: str
@@ -87,11 +85,8 @@ def add_refinements(
     slots: range,
 ) -> list[Plan]:
     """Replace the ``plans`` for the last of the ``slots`` of a ``generation`` by refinements, if
-    the recipe says so.
-
-    Each refines the best of the living by drawn weights of the goals, and draws from the others
-    those who offer their fabric.
-    """
+    the recipe says so. Each refines the best of the living by drawn weights of the goals, and draws
+    from the others those who offer their fabric."""
     section = recipe.refine
     if not section.births or generation == 0 or generation % section.every:
         return list(plans)

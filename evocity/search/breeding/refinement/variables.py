@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from evocity import operators
-from evocity.errors import OperatorError, add_near_miss, spell
+from evocity.errors import OperatorError, add_near_miss, is_number, spell
 from evocity.genome import Genome
 from evocity.operators.parameters import number_of, repair_checks
 from evocity.recipe.mixture import Drawn, split_ranges
@@ -19,9 +19,9 @@ FACTORS = 0.4, 2.5
 
 @dataclass(frozen=True)
 class Tuning:
-    """The numbers to be tuned: ``start`` ``(n,)`` within ``lower`` and ``upper``; the first tries
-    lie ``step`` away. ``operator`` turns a point into the operator that breeds from the
-    ``parents``, with the same draws for each point."""
+    """The numbers to be tuned: ``start`` ``(n,)`` within ``lower`` and ``upper``, first tried
+    ``step`` away. ``operator`` makes the operator of a point, which breeds from the ``parents``
+    with equal draws."""
 
     parents: Sequence[Genome]
     start: np.ndarray
@@ -46,7 +46,6 @@ def _from_zero(
     step: float,
     operator: Callable[[np.ndarray], Any],
 ) -> Tuning:
-    """``count`` numbers from 0, with the same ``bounds`` and ``step``."""
     lower, upper, steps = (np.full(count, value) for value in (*bounds, step))
     rng = np.random.default_rng(0)
     return Tuning(parents, np.zeros(count), lower, upper, steps, operator, rng)
@@ -68,9 +67,8 @@ def level_tuning(
     rng: np.random.Generator,
 ) -> Tuning:
     """Tune the field of `field_tuning` as a sum of coarser ones, within −1…1 each: one number for
-    the whole map, then 2 × 2, and so on to ``side`` × ``side``. The first evaluations so try much
-    of another's fabric, the later ones less. ``rng`` draws the order within a level, since an
-    optimiser tries the first numbers first."""
+    the whole map, then 2 × 2, and so on to ``side`` × ``side``. ``rng`` draws the order within a
+    level, since an optimiser tries the first numbers first."""
     shapes, order = [], []
     for level in _halves(side):
         at = np.arange(side) * level // side
@@ -91,7 +89,6 @@ def level_tuning(
 
 
 def _halves(side: int) -> list[int]:
-    """1 … ``side``, each about half of the next."""
     levels = [side]
     while levels[0] > 1:
         levels.insert(0, levels[0] // 2)
@@ -106,8 +103,7 @@ def height_tuning(genome: Genome, side: int, make: Callable) -> Tuning:
 
 
 def parameter_tuning(plan: Plan, parameters: Mapping[str, Any], keys: Sequence[str] = ()) -> Tuning:
-    """Tune the numbers among the parameters of the operator that bred an individual, from those it
-    was bred with, with the same draws.
+    """Tune numeric parameters of the operator that bred an individual, with the same draws.
 
     plan : how it was bred.
     parameters : what the recipe says of the operator. A parameter with a range is tuned within it,
@@ -120,23 +116,27 @@ def parameter_tuning(plan: Plan, parameters: Mapping[str, Any], keys: Sequence[s
     kind = operators.operators().get(name)
     if kind is None:
         raise OperatorError(
-            f"no operator bred individual {plan.id}, a {plan.name}",
+            f"no operator bred individual {plan.id}: it is a {plan.name}",
             "an individual that an operator of the recipe bred",
-            "choose another individual, or another way to refine, such as heights",
+            "choose another individual, or another method to refine, such as heights",
         )
     fixed = _parameters(plan.operator)
     ranges = split_ranges(kind, parameters)[1]
     known = {
         key: value
         for key, value in fixed.items()
-        if number_of(kind, key) is not None and _is_number(value) and key not in repair_checks()
+        if number_of(kind, key) is not None and is_number(value) and key not in repair_checks()
     }
     for key in keys:
         if key not in known:
             raise OperatorError(
-                add_near_miss(f"{spell(key)} of {name}", key, known),
-                f"one of its numbers, {', '.join(known)}" if known else "no name: it has no number",
-                "leave it out, or choose another",
+                add_near_miss(
+                    f"the operator {name} has no number {spell(key)} to tune", key, known
+                ),
+                f"one of its numbers: {', '.join(known)}"
+                if known
+                else "no name: the operator has no number",
+                "leave this name out, or choose another parameter",
             )
     names = list(keys) or [key for key in known if key in ranges or known[key]]
     bounds = {
@@ -148,9 +148,9 @@ def parameter_tuning(plan: Plan, parameters: Mapping[str, Any], keys: Sequence[s
     names = [key for key in names if bounds[key][1] > bounds[key][0]]
     if not names:
         raise OperatorError(
-            f"{name} has no numeric parameter to tune",
+            f"the operator {name} has no numeric parameter to tune",
             "an operator with numeric parameters",
-            "choose another individual, or another way to refine, such as heights",
+            "choose another individual, or another method to refine, such as heights",
         )
     whole = {key: number_of(kind, key) is int for key in names}
 
@@ -166,16 +166,11 @@ def parameter_tuning(plan: Plan, parameters: Mapping[str, Any], keys: Sequence[s
 
 
 def _parameters(operator) -> dict[str, Any]:
-    """All parameters of the operator of one birth."""
     if isinstance(operator, Drawn):
         made = {**operator.parameters, **operator.drawn}
         operator = operators.make(operator.name, **made)
     accepted = operators.parameters_of(type(operator))
     return {key: getattr(operator, key) for key in accepted if hasattr(operator, key)}
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _around(name: str, fixed: Mapping, key: str, value: float) -> tuple[float, float]:
