@@ -559,5 +559,5 @@ def test_births_that_learnt_from_others_are_not_replayed(toy, tmp_path):
     assert plan_of(opened, prepared, 5).operator.values == pytest.approx(
         opened.individuals([5])[0].genome.made["values"], abs=1e-4
     )
-    with pytest.raises(RunError, match="bred individual 9 with its own"):
+    with pytest.raises(RunError, match="bred individual 9 with the operator of the algorithm"):
         plan_of(opened, prepared, 9)

@@ -44,6 +44,7 @@ def started(recipe, out):
     )
 
 
+@pytest.mark.slow
 def test_workers_do_not_matter(toy, tmp_path, finished_runs):
     recipe = toy()
     for count in (1, 2, 4):
@@ -177,6 +178,7 @@ def moody(city):
 """
 
 
+@pytest.mark.slow
 def test_a_failing_measure_costs_its_own_births_alone(toy, tmp_path, capfd):
     recipe = toy(FAILING, population=24, generations=2, timeout=1.0, max_failures=0.9, workers=2)
     generations = run(recipe, tmp_path / "run")
