@@ -98,7 +98,7 @@ def founder_plans(
 ) -> list[Plan]:
     """Plan generation 0, or its ``slots``: the sources, then their fusions and mutants.
 
-    Of each three births after the sources, two are fusions and one is a mutant. Fusions take the
+    After the sources, two births in three are fusions and one is a mutant. Fusions take the
     ordered pairs of sources in turn, with a fill from the recipe's range, else from 0.1…0.9. A
     single source has only mutants. The first weighted operators of the recipe's kind breed them.
     """
