@@ -130,6 +130,7 @@ class _Fitness:
     height_entropy = _fitness.height_entropy
     heritability = staticmethod(_fitness.heritability)
     integrity = _fitness.integrity
+    integrity_along_fronts = _fitness.integrity_along_fronts
     lacunarity = _fitness.lacunarity
     load_file = staticmethod(_fitness.load_file)
     mean_height = _fitness.mean_height
@@ -141,6 +142,7 @@ class _Fitness:
     orientation_order = _fitness.orientation_order
     osr = _fitness.osr
     party_wall_ratio = _fitness.party_wall_ratio
+    picture_likeness = _fitness.picture_likeness
     plugin_warnings = staticmethod(_fitness.plugin_warnings)
     rectangularity = _fitness.rectangularity
     repeated_footprints = _fitness.repeated_footprints

@@ -36,15 +36,15 @@ def parse_toml(text: str) -> dict:
     """
     if len(text) > MOST_BYTES or len(text.encode(errors="replace")) > MOST_BYTES:
         raise LimitError(
-            f"a text of more than {MOST_BYTES} bytes",
+            f"the TOML text has more than {MOST_BYTES} bytes",
             f"at most {MOST_BYTES} bytes of TOML",
-            "remove the parts that no key needs",
+            "shorten the text, for example by removing comments",
         )
     if (line := _too_deep(text)) is not None:
         raise LimitError(
-            f"line {line} has a key with a path of more than {MOST_PARTS} parts",
-            f"keys of at most {MOST_PARTS} parts, with those of headers and of tables around them",
-            "nest lists and tables only where a key needs them",
+            f"line {line} has a key of more than {MOST_PARTS} dotted parts",
+            f"keys of at most {MOST_PARTS} dotted parts, including the parts of the table header",
+            "shorten the key by nesting fewer tables and lists",
         )
     return tomllib.loads(text)
 

@@ -53,30 +53,33 @@ class CityMap(Displayed):
     metres_per_pixel : side of a pixel, metres, greater than 0.
     name : name of the map in pictures and tables. The function `evocity.errors.plain_text` removes
         control characters from the name.
-    attribution : line of text that the licence of the source requires, without control characters.
-        Every file and every picture of the map contains the attribution.
+    attribution : one line of text that the licence of the source requires; it contains no control
+        characters. Every file and every picture of the map contains the attribution.
     origin : coordinates ``(x, y)`` of the north-west corner in ``crs``; None for a map without a
         place on Earth.
-    crs : coordinate reference system in metres, as an authority code or WKT; None for a map without
-        such a system.
-    height_rules : number of buildings that got their height from each rule, by the name of the
-        rule. While reading a file, evocity counts the buildings that each rule applies to.
+    crs : coordinate reference system in metres, as an authority code or WKT; None if the system is
+        unknown.
+    height_rules : mapping from the name of each height rule to the number of buildings that got
+        their height from this rule. While reading a file, evocity counts for each height rule the
+        buildings to which the rule applies.
     taken : description of the part of the file that the map shows; ``""`` for a map without a file.
     site : mask of the pixels that belong to a map, bool ``(H, W)``, if the map is not a rectangle.
         Pixels outside the site have the height 0, and count neither as built nor as open ground. If
-        the site is None, all pixels belong to the map. The method `within` makes maps with a site.
-    corner : ``(row, column)`` of the map's first pixel in a larger map, from which the map was cut.
+        the `site` is None, all pixels belong to the map. The method `within` makes maps with a
+        site.
+    corner : ``(row, column)`` of the map's north-west pixel in the larger map from which this map
+        was cut.
 
     Raises
     ------
     MapError : the heights are not a two-dimensional array of finite numbers that are 0 or more. A
-        pixel size that is not positive raises MapError. A site without a true pixel, or with
-        another shape than the heights, raises MapError.
+        pixel size that is not positive raises MapError. MapError is raised, too, for a site without
+        a true pixel, and for a site that differs in shape from the heights.
 
     The views (`built`, `open_ground`, `labels`, `areas`, `building_labels`, `buildings`, `classes`,
     `outline`, `walls`, `gradients`, `structure`, `distance_to_built`, `open_space`, `streets`,
-    `street_graph`, `alley_graph`) are read-only. A map computes each of its views once, when you
-    first read the attribute.
+    `street_graph`, `alley_graph`) are read-only. A map computes each of its views once, at the
+    first access to the attribute.
     """
 
     heights: np.ndarray
@@ -112,14 +115,14 @@ class CityMap(Displayed):
         if not (isinstance(metres_per_pixel, Real) and low <= metres_per_pixel <= high):
             raise MapError(
                 f"{name}: {setting('metres_per_pixel', metres_per_pixel)}",
-                f"a number of metres above 0, from {low:g} to {high:g}",
+                f"a number of metres from {low:g} to {high:g}",
                 "set the side of a pixel in metres, for example 2.0",
             )
         attribution = plain_text(str(attribution))
         if len(attribution) > MOST_ATTRIBUTION:
             raise MapError(
-                f"{name}: an attribution of {len(attribution)} letters",
-                f"at most {MOST_ATTRIBUTION} letters",
+                f"{name}: the attribution has {len(attribution)} characters",
+                f"an attribution of at most {MOST_ATTRIBUTION} characters",
                 "shorten the attribution, for example to a link",
             )
         self.__dict__.update(
@@ -166,7 +169,8 @@ class CityMap(Displayed):
 
     @property
     def pixels(self) -> int:
-        """Number of pixels that belong to the map: pixels of the site, or else all pixels."""
+        """Number of pixels that belong to the map: the pixels of the site, or all pixels if the map
+        has no site."""
         return self.heights.size if self.site is None else int(np.count_nonzero(self.site))
 
     @property
@@ -180,7 +184,7 @@ class CityMap(Displayed):
 
         The result is the smallest rectangular map that contains all true pixels of the mask. The
         site of the result is the mask, unless the mask fills the rectangle. The border of the mask
-        may cut buildings, as the border of every map does.
+        may cut buildings, like the border of any map.
 
         Raises `MapError` if the mask differs in shape from the map, or has no true pixel.
         """
@@ -201,16 +205,16 @@ class CityMap(Displayed):
     def of_whole(self, array: np.ndarray) -> np.ndarray:
         """Cut an ``array`` ``(H, W)`` of a larger map to the pixels of this map.
 
-        This map was cut from the larger map. An array that already has the size of this map is
-        returned unchanged.
+        The larger map is the map from which this map was cut. If the array already has the size of
+        this map, the method returns the array unchanged.
         """
         top, left = self.corner if array.shape != self.shape else (0, 0)
         height, width = self.shape
         return array[top : top + height, left : left + width]
 
     def replace(self, heights: np.ndarray, **changes: Any) -> "CityMap":
-        """Make a copy of the map with new heights, in which ``changes`` replace other fields of the
-        map."""
+        """Make a copy of the map with new heights; the keyword arguments ``changes`` replace other
+        fields of the map."""
         described = {name: self.__dict__[name] for name in ("metres_per_pixel", *_DESCRIBED)}
         return CityMap(heights, **(described | changes))
 
@@ -265,8 +269,8 @@ class CityMap(Displayed):
         return self.classified()
 
     def classified(self, table: ClassTable | None = None) -> Classes:
-        """Classify the objects on the map according to a table of classes, by default the table of
-        the package. See `evocity.views.classes`."""
+        """Classify the objects on the map by a table of classes; None means evocity's own table.
+        See `evocity.views.classes`."""
         pixel, site = self.metres_per_pixel, self.site
         return classified(self.heights, self.buildings, pixel, table, site)
 
@@ -298,8 +302,8 @@ class CityMap(Displayed):
 
     @property
     def north_west(self) -> tuple[float, float]:
-        """Coordinates ``(x, y)`` of the north-west corner. In a map without an origin, coordinates
-        are metres from the south-west corner."""
+        """Coordinates ``(x, y)`` of the map's north-west corner. In a map without an origin,
+        coordinates are metres from the map's south-west corner."""
         return self.origin or (0.0, self.shape[0] * self.metres_per_pixel)
 
     @cached_property
@@ -387,7 +391,7 @@ def _checked_heights(heights: np.ndarray, name: str) -> np.ndarray:
         )
     if lowest < 0:
         raise MapError(
-            f"{name}: {np.count_nonzero(array < 0)} heights are below ground, the lowest "
+            f"{name}: {np.count_nonzero(array < 0)} heights are below ground; the lowest is "
             f"{lowest:g} m",
             "only heights above ground, 0 m or more",
             "subtract the terrain from the heights, or set negative heights to 0",
@@ -399,7 +403,8 @@ def _checked_site(site: np.ndarray, shape: tuple[int, int], name: str) -> np.nda
     array = np.asarray(site)
     if array.dtype != bool or array.shape != shape:
         raise MapError(
-            f"{name}: the mask of a part has the type {array.dtype} and the shape {array.shape}",
+            f"{name}: the mask of a part of the map has the type {array.dtype} and the shape "
+            f"{array.shape}",
             f"an array of booleans with the shape {shape}, one for each pixel of the map",
             "compare the array with a number to get booleans, for example array > 0",
         )
@@ -407,7 +412,7 @@ def _checked_site(site: np.ndarray, shape: tuple[int, int], name: str) -> np.nda
         raise MapError(
             f"{name}: the mask of a part of the map marks no pixel",
             "a mask that is True for at least one pixel",
-            "mark at least one pixel",
+            "set the mask to True for at least one pixel",
         )
     return read_only(array.copy())
 

@@ -16,8 +16,9 @@ from evocity.pavement import Pavement
 class Condensation:
     """Fixed heights C that decoding never changes in the masked pixels of a map.
 
-    Each decoding step computes W(I) = ∪ ω_i(I), and then writes the fixed heights C into the result
-    (condensation IFS: Marsault 2002 §6.2, 2005 §4.2). A condensation is immutable.
+    Each decoding step computes W(I) = ∪ ω_i(I) from heights I and lifs ω_i, and then writes the
+    fixed heights C into the result (condensation IFS: Marsault 2002 §6.2, 2005 §4.2). A
+    condensation is immutable.
 
     Parameters
     ----------
@@ -31,8 +32,8 @@ class Condensation:
 
     Raises
     ------
-    GenomeError : an array has a wrong shape or type; the mask has no true pixel; a height is NaN,
-        infinite or negative.
+    GenomeError : one of: an array of a wrong shape or type; a mask without a true pixel; a height
+        that is NaN, infinite or negative.
     """
 
     def __init__(self, heights: np.ndarray, mask: np.ndarray):
@@ -43,7 +44,7 @@ class Condensation:
         wrong = ~(np.isfinite(kept) & (kept >= 0))
         if wrong.any():
             raise GenomeError(
-                f"{np.count_nonzero(wrong)} condensed heights are NaN, infinite or below 0",
+                f"{np.count_nonzero(wrong)} fixed heights are NaN, infinite or below 0",
                 "finite heights above ground, in metres",
                 "remove these pixels from the mask, or set their heights",
             )
@@ -65,7 +66,7 @@ class Condensation:
 
     @property
     def raster(self) -> np.ndarray:
-        """Fixed heights as float32 ``(H, W)``, metres; NaN outside the mask."""
+        """Fixed heights as an array of float32 ``(H, W)``, metres; NaN outside the mask."""
         return np.where(self.mask, self.heights, np.float32(np.nan))
 
     @property
@@ -99,15 +100,17 @@ class Condensation:
         return _unpack, (self.shape, bits, kept)
 
     def laid(self, heights: np.ndarray) -> np.ndarray:
-        """Return a copy of ``heights`` ``(H, W)`` that contains the fixed heights."""
+        """Return a copy of the array ``heights``, ``(H, W)``, with the fixed heights in the masked
+        pixels."""
         return np.where(self.mask, self.heights, heights).astype(heights.dtype, copy=False)
 
     def over(self, other: "Condensation") -> "Condensation":
-        """Combine this condensation with the condensation ``other``. Where both masks are true, the
-        result has the heights of this condensation."""
+        """Combine this condensation with the condensation ``other``. Where the masks of both
+        condensations are true, the result has the heights of this condensation."""
         if self.shape != other.shape:
             raise GenomeError(
-                f"condensations of {_size(self.shape)} and {_size(other.shape)} cannot be joined",
+                f"arrays of fixed heights of {_size(self.shape)} and {_size(other.shape)} cannot "
+                "be joined",
                 "condensations that all have the same size",
                 "make both condensations from the same map",
             )
@@ -115,8 +118,8 @@ class Condensation:
 
     def resampled(self, height: int, width: int) -> "Condensation | None":
         """Resample the condensation to ``height`` × ``width`` px. Each new pixel takes the height
-        of the old pixel that lies at the centre of the new pixel. Return None if the new mask has
-        no true pixel."""
+        of the old pixel at the centre of the new pixel. Return None if the resampled mask has no
+        true pixel."""
         if (height, width) == self.shape:
             return self
         places = ((height, self.shape[0]), (width, self.shape[1]))
@@ -130,7 +133,7 @@ class Condensation:
         """Return an Arrow column that lists the fixed heights of each range block.
 
         Each entry of the column lists the heights in one range block, row by row, with NaN outside
-        the mask. The entry of a range block without fixed heights is null.
+        the mask. A range block without fixed heights has the entry null in the column.
         """
         order, starts = _by_blocks(pavement)
         heights = self.raster.ravel()[order]
@@ -157,7 +160,7 @@ class Condensation:
         kept = order[np.repeat(taken, np.diff(starts))]
         heights = array_of(array.flatten())
         if heights.size != kept.size:
-            raise ValueError(f"{heights.size} condensed heights for {kept.size} pixels")
+            raise ValueError(f"{heights.size} fixed heights for {kept.size} pixels")
         raster = np.full(pavement.height * pavement.width, np.nan, np.float32)
         raster[kept] = heights
         return cls.from_raster(raster.reshape(pavement.height, pavement.width))
@@ -165,7 +168,8 @@ class Condensation:
 
 def merged(layers: Iterable[Condensation | None]) -> Condensation | None:
     """Join several condensations; return None if all ``layers`` are None. If the masks of several
-    condensations contain a pixel, the first condensation determines the pixel's height."""
+    condensations contain a pixel, the first of these condensations determines the pixel's
+    height."""
     first, *others = dict.fromkeys(layer for layer in layers if layer is not None) or [None]
     for other in others:
         first = first.over(other)
@@ -191,23 +195,23 @@ def _by_blocks(pavement: Pavement) -> tuple[np.ndarray, np.ndarray]:
 def _check_arrays(heights: np.ndarray, mask: np.ndarray) -> None:
     if mask.ndim != 2 or mask.shape != heights.shape or heights.dtype.kind not in "buif":
         raise GenomeError(
-            f"condensed heights of type {heights.dtype} and shape {heights.shape} do not fit a "
+            f"fixed heights of type {heights.dtype} and shape {heights.shape} do not fit a "
             "mask "
             f"of shape {mask.shape}",
-            "numbers and a mask of the same shape, with rows from north to south",
+            "an array of numbers and a mask of the same shape, with rows from north to south",
             "pass one height in metres and one boolean for each pixel",
         )
     if mask.dtype != bool:
         raise GenomeError(
-            f"the mask of the condensed heights has the type {mask.dtype}",
+            f"the mask of the fixed heights has the type {mask.dtype}",
             "a mask of booleans",
             "compare the mask with a number to get booleans: mask > 0",
         )
     if not mask.any():
         raise GenomeError(
-            "the mask of the condensed heights marks no pixel",
+            "the mask of the fixed heights marks no pixel",
             "a mask that is True for at least one pixel",
-            "mark at least one pixel, or leave out the condensation",
+            "set the mask to True for at least one pixel, or leave out the condensation",
         )
 
 

@@ -21,10 +21,11 @@ class EvocityError(Exception):
     expected : description of correct input.
     remedy : advice on how to correct the input, in one sentence.
 
-    To name a parameter in a text of the error, use one of the functions `keyword`, `setting`,
+    To name a parameter in the text of an error, use one of the functions `keyword`, `setting`,
     `text_setting` and `none_setting`. In errors, the command line shows an option such as --way
-    instead of the parameter's name. The error removes control characters from its texts. The texts
-    of the error may have any length, but the message ``str(error)`` has at most `LONGEST` bytes.
+    instead of the parameter's name. The error removes control characters from its three texts. The
+    three texts of an error may have any length, but the message ``str(error)`` has at most
+    `LONGEST` bytes.
     """
 
     _kept = ""  # control characters that a message keeps

@@ -59,7 +59,7 @@ def library(name: str, what: str, extra: str = "notebook") -> ModuleType:
     except ImportError:
         raise EvocityError(
             f"{what} needs {name}, which is not installed",
-            f"an installation of evocity with its extra {extra}",
+            f"evocity, installed with the extra '{extra}'",
             f"run pip install 'evocity[{extra}]'",
         ) from None
 

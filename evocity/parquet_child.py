@@ -87,9 +87,9 @@ class _Child:
                 )
             except OSError as error:
                 raise ChildStartError(
-                    f"evocity cannot start the process that reads a file without a seal: "
+                    f"evocity cannot start the child process that reads an untrusted file: "
                     f"{reason_of(error)}",
-                    "memory, open files and processes for one more process",
+                    "limits on memory, open files and processes that allow a child process",
                     "close other programs, or raise the limits (ulimit -n, ulimit -u)",
                 ) from error
         return self._process

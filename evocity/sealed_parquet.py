@@ -66,12 +66,12 @@ def place_of_seal(footer: bytes, key: bytes) -> int | None:
 
 
 def write_table(table: pa.Table, path: str | os.PathLike) -> None:
-    """Write a ``table`` to a Parquet file, with checksums of its pages and the seal `FILE_SEAL`."""
+    """Write a ``table`` to a Parquet file, with checksums of its pages and the seal `FILE_SEAL`.
+    Files are read whole, so they have no statistics, which take more bytes than the seal."""
+    packing = {"compression": "zstd", "write_page_checksum": True, "write_statistics": False}
     with (
         open(path, "wb") as file,
-        pq.ParquetWriter(
-            file, table.schema, compression="zstd", write_page_checksum=True
-        ) as writer,
+        pq.ParquetWriter(file, table.schema, **packing) as writer,
     ):
         writer.write_table(table)
         writer.add_key_value_metadata(_METADATA)

@@ -1631,16 +1631,99 @@ def fit_range(logs, below, above):
 # -- plans ------------------------------------------------------------------------------------
 
 
-def count_built(numbers, used, ratio, down, along, inner, row, column, turns):
-    """Built points of the lot, of its strip, and used ones; whether a point is beyond."""
-    counts = np.zeros((len(row), 4), int)
-    for k, (a, b, c, d) in enumerate(turns):
-        for i, (v, u) in enumerate(zip(down, along, strict=True)):
-            y, x = row[k] + a * v + b * u + 0.5, column[k] + c * v + d * u + 0.5
-            fine = math.floor(y * ratio), math.floor(x * ratio)
-            if not all(0 <= at < side for at, side in zip(fine, numbers.shape, strict=True)):
-                counts[k, 3] = 1
-            elif numbers[fine] > 0:
-                counts[k, 0 if i < inner else 1] += 1
-                counts[k, 2] += i < inner and used[math.floor(y), math.floor(x)]
-    return counts
+def score_candidate(gene, built, used, pixel, step, downs, alongs, inner, coverage, slack, repeats):
+    """The built share of the points of a strip, less twice the miss of the coverage."""
+    if not (0 <= gene.row <= used.shape[0] - 1 and 0 <= gene.column <= used.shape[1] - 1):
+        return -math.inf
+    here, again = [], 0
+    for i, (down, along) in enumerate(zip(downs, alongs, strict=True)):
+        off = gene.offsets(down, along)
+        y, x = (
+            (at + 0.5) * pixel + one for at, one in zip((gene.row, gene.column), off, strict=True)
+        )
+        fine = math.floor(y / step), math.floor(x / step)
+        if not all(0 <= at < side for at, side in zip(fine, built.shape, strict=True)):
+            return -math.inf
+        here.append(bool(built[fine]))
+        again += i < inner and here[-1] and used[math.floor(y / pixel), math.floor(x / pixel)]
+    if again > 2 * repeats * sum(here[:inner]) + 2:
+        return -math.inf
+    miss = abs(np.mean(here[:inner]) - coverage) - slack
+    return np.mean(here[inner:]) - 2 * max(miss, 0)
+
+
+def sample_polygons(lot, gene, donor):
+    """The polygon with most of four samples in each pixel; the lower of two equal pairs."""
+    pixel, found = donor.city.metres_per_pixel, []
+    for down, along in zip(lot.down, lot.along, strict=True):
+        seen = []
+        for y in (-0.25, 0.25):
+            for x in (-0.25, 0.25):
+                place = gene.offsets(down + y * lot.pixel, along + x * lot.pixel)
+                fine = [
+                    math.floor((off + (at + 0.5) * pixel) / donor.step)
+                    for off, at in zip(place, (gene.row, gene.column), strict=True)
+                ]
+                inside = all(0 <= a < n for a, n in zip(fine, donor.numbers.shape, strict=True))
+                seen.append(int(donor.numbers[tuple(fine)]) if inside else 0)
+        built = [number for number in sorted(seen) if number]
+        most = max((built.count(number) for number in built), default=0)
+        ties = [number for number in built if built.count(number) == most]
+        # of three that share the pixel, or of two single ones, the lower middle one
+        single = sorted(seen)[1] or sorted(seen)[2]
+        found.append(0 if len(built) < 2 else single if most == 1 else ties[0])
+    return np.array(found, np.int32)
+
+
+def drop_pieces(numbers, areas, pixel, whole, share, least, width, tip):
+    """The buildings of each pixel without parts and tips of cut buildings that are too small."""
+    numbers = numbers.copy()
+    for number in np.unique(numbers[numbers > 0]):
+        here = numbers == number
+        present = np.count_nonzero(here) * pixel**2
+        if present >= whole * areas[number]:
+            continue
+        kept = here & (present >= share * areas[number])
+        thick = ndimage.binary_opening(np.pad(kept, width), np.ones((width, width)))
+        tips, _ = ndimage.label(kept & ~thick[width:-width, width:-width])
+        for label, box in enumerate(ndimage.find_objects(tips), start=1):
+            if max(one.stop - one.start for one in box) >= tip:
+                kept &= tips != label
+        parts, count = ndimage.label(kept)
+        for label in range(1, count + 1):
+            if np.count_nonzero(parts == label) < least:
+                kept &= parts != label
+        numbers[here & ~kept] = 0
+    return numbers
+
+
+def fill_gaps(numbers, rows, columns, inward, free, reach, gap, straight):
+    """The buildings of each pixel after they grow over gaps to the outline of a lot."""
+    walls = {(r, c) for r, c in zip(*np.nonzero(numbers), strict=True)}
+    on_map = {(r, c) for r in range(numbers.shape[0]) for c in range(numbers.shape[1])}
+    source, full = {}, set(walls)
+    for k, at in enumerate(zip(rows.tolist(), columns.tolist(), strict=True)):
+        if at in walls or not free[k]:
+            continue
+        ways = []
+        for wall in walls:
+            down, along = wall[0] - at[0], wall[1] - at[1]
+            square = down**2 + along**2
+            cosine = (down * inward[0, k] + along * inward[1, k]) / np.sqrt(square)
+            if square <= reach**2:
+                ways.append((square, -cosine, down, along))
+        if ways:
+            square, cosine, down, along = min(ways)
+            source[at] = numbers[at[0] + down, at[1] + along]
+            if -cosine >= straight and square <= gap**2:
+                full.add(at)
+
+    def around(at):
+        return {(at[0] + i, at[1] + j) for i in (-1, 0, 1) for j in (-1, 0, 1)}
+
+    closed = {at for at in source if all(around(one) & full for one in around(at) & on_map)} | full
+    opened = {one for at in on_map if around(at) <= closed for one in around(at)}
+    grown = numbers.copy()
+    for at in (closed & opened) - walls:
+        grown[at] = source[at]
+    return grown

@@ -141,9 +141,9 @@ def test_what_comes_from_another_process_is_one_object(genome):
         (
             np.ones((4, 4)),
             np.zeros((4, 4), bool),
-            "the mask of the condensed heights marks no pixel",
+            "the mask of the fixed heights marks no pixel",
         ),
-        (np.full((4, 4), -0.5), np.ones((4, 4), bool), "16 condensed heights"),
+        (np.full((4, 4), -0.5), np.ones((4, 4), bool), "16 fixed heights"),
         (np.full((4, 4), np.nan), np.ones((4, 4), bool), "NaN"),
         (np.full((4, 4), 1e39), np.ones((4, 4), bool), "infinite"),
     ],
@@ -223,7 +223,7 @@ def column_of(values, kind):
         (column_of([1.0] * 16, pa.list_(pa.float64(), 16)), "or has damaged data"),
         (
             column_of(None, pa.list_(pa.float32(), 16)),
-            "the mask of the condensed heights marks no pixel",
+            "the mask of the fixed heights marks no pixel",
         ),
         (column_of([-1.0] * 16, pa.list_(pa.float32(), 16)), "below 0"),
         (column_of([np.inf] * 16, pa.list_(pa.float32(), 16)), "infinite"),

@@ -50,10 +50,36 @@ def test_contributing_is_short():
     assert len(text_of("CONTRIBUTING.md").encode()) <= MOST_BYTES
 
 
-def test_promises_of_security_name_tests_that_exist():
-    named = re.findall(r"`(tests/[\w/.]+)`", text_of("SECURITY.md"))
-    assert named
+#: The pages that promise something, and the parts of them whose rows or items are promises.
+PROMISES = {
+    "SECURITY.md": [r"(?s)\n- \*\*No file is code.*?(?=\n### )"],
+    "docs/run-folder.md": [r"(?s)\n1\. \*\*The same seed.*"],
+    "docs/nights.md": [r"(?s)\n\| a measure raises.*?(?=\n\n)", r"(?s)\n\| Same seed.*?(?=\n\n)"],
+    "docs/studio.md": [],
+    "docs/fitness.md": [],
+}
+_NAMED = re.compile(r"`(tests/[\w/.]+)`")
+
+
+@pytest.mark.parametrize(
+    "page",
+    [*PROMISES, *sorted({f"docs/{one.name}" for one in ROOT.glob("docs/*.md")} - {*PROMISES})],
+)
+def test_tests_that_a_page_names_exist(page):
+    named = _NAMED.findall(text_of(page))
+    assert named or page not in PROMISES
     assert [name for name in named if not (ROOT / name).exists()] == []
+
+
+@pytest.mark.parametrize("page", PROMISES)
+def test_each_promise_names_a_test(page):
+    for part in PROMISES[page]:
+        promises = re.split(r"\n(?=- |\d+\. |\| )", re.search(part, text_of(page))[0])[1:]
+        assert len(promises) > 5
+        for promise in promises:
+            files = [ROOT / name for name in _NAMED.findall(promise)]
+            assert files, f"no test shows: {promise}"
+            assert all("def test_" in one.read_text("utf-8") for one in files), promise
 
 
 def hunks() -> list[tuple[str, list[str]]]:

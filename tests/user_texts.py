@@ -120,7 +120,7 @@ def helps() -> Iterator[tuple[str, str]]:
 
 
 def errors() -> Iterator[tuple[str, str]]:
-    """Messages of errors, their three parts as a user sees them; ``…`` stands for values."""
+    """Messages of errors, their three parts; ``{name}`` stands for the value of a name."""
     for path in sorted(PACKAGE.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if not isinstance(node, ast.Call):
@@ -137,8 +137,19 @@ def _shown(node: ast.AST) -> str:
     if isinstance(node, ast.Constant) and isinstance(node.value, str):
         return node.value
     if isinstance(node, ast.JoinedStr):
-        return "".join(_shown(part) or "…" for part in node.values)
+        return "".join(
+            _value(ast.unparse(part.value))
+            if isinstance(part, ast.FormattedValue)
+            else _shown(part)
+            for part in node.values
+        )
     return ""
+
+
+def _value(expression: str) -> str:
+    """A value in a sentence: the last name that its expression has outside of quotes."""
+    names = re.findall(r"[A-Za-z_]{2,}", re.sub(r"'[^']*'|\"[^\"]*\"|\|.*", "", expression))
+    return f"{{{names[-1].strip('_')}}}" if names else "…"
 
 
 def web_pages() -> Iterator[tuple[str, str]]:
@@ -146,7 +157,7 @@ def web_pages() -> Iterator[tuple[str, str]]:
     for path in sorted(PACKAGE.rglob("*.html")):
         text = path.read_text(encoding="utf-8")
         text = re.sub(r"<(script|style)\b.*?</\1>|\{#.*?#\}|\{%.*?%\}", "\n", text, flags=re.S)
-        text = re.sub(r"\{\{.*?\}\}", "…", text, flags=re.S)
+        text = re.sub(r"\{\{(.*?)\}\}", lambda value: _value(value[1]), text, flags=re.S)
         texts = re.split(r"</?(?:p|li|td|th|h\d|div|dt|dd|label|button|figcaption)\b[^>]*>", text)
         texts += re.findall(r"\b(?:title|aria-label|placeholder|alt)=\"([^\"]+)\"", text)
         for piece in texts:
@@ -158,9 +169,9 @@ def web_pages() -> Iterator[tuple[str, str]]:
             if line.lstrip().startswith(("//", "*", "/*", "import ")):
                 continue
             for piece in re.findall(r"\"((?:[^\"\\]|\\.)+)\"|`([^`]+)`", line):
-                words = re.sub(r"\$\{[^}]*\}", "…", "".join(piece))
+                words = re.sub(r"\$\{([^}]*)\}", lambda value: _value(value[1]), "".join(piece))
                 if (
-                    re.match(r"[\w…][^<>{};=/]*$", words)
+                    re.match(r"[\w{…][^<>;=/]*$", words)
                     and len(re.findall(r"[A-Za-z]{2,}", words)) >= 3
                 ):
                     yield path.relative_to(PACKAGE).as_posix(), words

@@ -14,7 +14,7 @@ from evocity.operators import make
 from evocity.pictures.colours import FAINT, INK, PAPER, ramp
 from evocity.pictures.picture import render
 
-PARENTS = ("lyon-1er", "new-york-west-village")
+PARENTS = ("new-york-west-village", "lyon-1er")
 SEED = 3
 FONT = Path(evocity.__file__).parent / "data" / "fonts" / "roboto-regular.ttf"
 HIGHEST, SIDE, GAP, MARGIN = 30.0, 512, 28, 36
@@ -24,7 +24,7 @@ def bred() -> tuple[list[evocity.CityMap], evocity.CityMap]:
     """The parents as read, and their child as decoded."""
     parents = [evocity.read_map(name) for name in PARENTS]
     genomes = [evocity.encode(parent).genome for parent in parents]
-    fuse = make("quarter_fusion", fill=0.5)
+    fuse = make("plan_fusion", faces=None)
     return parents, evocity.decode(fuse(genomes, np.random.default_rng(SEED))).city
 
 

@@ -81,15 +81,15 @@ CITIES = (
         "Three cities in squares",
         "The operator `pavement_fusion` places square pieces (macro-blocks) of three parents side "
         "by side, from large to small. The seams between macro-blocks cut some buildings and "
-        "create others.",
+        "create new buildings.",
         "pavement_fusion",
         (LYON, MONTPELLIER, NEW_YORK),
         4,
     ),
     Bred(
         "Lyon, higher and lower",
-        "In the child, every building of Lyon keeps its footprint. Some buildings become higher "
-        "and others lower, by whole storeys.",
+        "In the child, every building of Lyon keeps its footprint. Some buildings of the "
+        "child become higher and some lower, by whole storeys.",
         "height_scaling",
         (LYON,),
         8,
@@ -105,7 +105,8 @@ CITIES = (
     Bred(
         "Half-way from Lyon to Montpellier",
         "The child consists of patches, and all lifs of a patch come from the same parent. The "
-        "edges of the patches cut buildings. Most other operators avoid such cuts.",
+        "edges of the patches cut buildings. Most operators other than `relocation` avoid cutting "
+        "buildings.",
         "lambda_crossover",
         (LYON, MONTPELLIER),
         1,

@@ -18,7 +18,7 @@ LYON, MONTPELLIER, NEW_YORK = "lyon-1er", "montpellier-pas-du-loup", "new-york-w
 PAIRS = ((LYON, MONTPELLIER), (NEW_YORK, MONTPELLIER), (LYON, NEW_YORK))
 ALONE = ((LYON,), (NEW_YORK,), (MONTPELLIER,))
 #: Operators of one parent or more that show their effect with two, and their parameters.
-WITH_SOURCES = {"plan_fusion": {"faces": None}}
+WITH_SOURCES = {"plan_fusion": {"faces": None}, "plan_change": {"changes": 8}}
 
 
 def main(names: list[str]) -> None:

@@ -19,9 +19,9 @@ def open_run(path: str | os.PathLike) -> Run:
     """Open a run folder for reading. Opening a run executes nothing in the folder and changes
     nothing.
 
-    The run may still be in progress; only complete generations are visible. Raises `RunError` if
-    there is no run at ``path``, if the run is damaged, or if another release wrote the run with
-    another schema.
+    The run may still be in progress; the returned object shows only complete generations. Raises
+    `RunError` if there is no run at ``path``, if the run is damaged, or if another release wrote
+    the run with another schema.
 
     >>> import evocity
     >>> run = evocity.open_run("runs/demo")  # doctest: +SKIP

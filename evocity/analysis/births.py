@@ -327,7 +327,7 @@ class Births:
             return np.zeros(0, np.intp)
         if sought.ndim != 1:
             raise RunError(
-                f"{self.run.path}: ids = {spell(sought.tolist())} is invalid",
+                f"{self.run.path}: the argument 'ids' has the value {spell(sought.tolist())}",
                 "a flat list of ids",
                 "give the ids in a list, for example [1, 2]",
             )

@@ -46,7 +46,7 @@ def distributions(
     `QUANTITIES`. ``sources``, ``references``: the run's cities, if they are read already."""
     if not isinstance(individual, Individual):
         raise EvocityError(
-            f"individual = {spell(individual)} is invalid",
+            f"the argument 'individual' has the value {spell(individual)}",
             "an individual of a run",
             "give an individual, for example run[97]",
         )

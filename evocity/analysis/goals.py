@@ -25,11 +25,12 @@ _MOST_GENERATIONS = 10**9
 class Aim:
     """Goal of a run for one measure: a direction, a target, or bounds.
 
-    The field ``goal`` is one of the words max, min, like, target, bounds, none and unknown. The
-    word bounds means that the measure is only a constraint. The word none means that the run
-    records the measure without a goal. The field ``total`` is the name of the weighted sum that
-    contains the measure. The field ``meaning`` says in a sentence what the measure computes; it is
-    empty for an unknown measure. The field ``like`` names the city that the births should resemble.
+    The field ``goal`` is one of the words "max", "min", "like", "target", "bounds", "none" and
+    "unknown". The goal "bounds" means that the measure is only a constraint. The goal "none" means
+    that the run records the measure without a goal. The field ``total`` is the name of the weighted
+    sum that contains the measure. The field ``meaning`` says in a sentence what the measure
+    computes; the field is empty for an unknown measure. The field ``like`` names the city that the
+    births should resemble.
     """
 
     name: str
@@ -93,15 +94,15 @@ class Aim:
         return low, math.inf if self.high is None else self.high
 
     def within(self, values: np.ndarray) -> np.ndarray:
-        """Return a bool array, which is true for each value that lies within the bounds."""
+        """Return an array of bool that is true for each value within the bounds."""
         low, high = self._bounds
         return (low <= values) & (values <= high) | ((low, high) == (-math.inf, math.inf))
 
     def losses(self, values: np.ndarray) -> np.ndarray:
         """Compute the losses of the ``values``, as a float64 array; a lower loss is better. The
-        losses rank values in the same order as `evocity.fitness.Wanted`, but do not need the
-        measure itself. A missing value gets the loss NaN. If the measure has only bounds, a missing
-        value has the largest possible loss, because it breaks the bounds."""
+        losses rank values in the same order as `evocity.fitness.Wanted`, but can be computed
+        without the function of the measure. A missing value gets the loss NaN. If the measure has
+        only bounds, a missing value breaks the bounds and has the largest possible loss."""
         with np.errstate(all="ignore"):
             if self.goal == "bounds":
                 low, high = self._bounds

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
     from evocity.scene import Scene
 
+#: A source city with a smaller share of the buildings has few of them.
+SCARCE = 0.1
+
 # Rooms that draw and write are loaded only by the methods that need them.
 
 
@@ -29,8 +32,8 @@ class Individual(Displayed):
     """Birth of a run; the expression ``run[97]`` returns the individual with the id 97.
 
     The scores and the other columns of an individual are quick to read. The attributes ``genome``,
-    ``made`` and ``parents`` come from the log; the attribute ``city`` is the decoded genome. The
-    individual computes each attribute once and remembers its value.
+    ``made`` and ``parents`` come from the log; the attribute ``city`` is the decoded genome. Each
+    attribute of an individual is computed once, and its value is remembered.
     """
 
     def __init__(self, births: Births, identifier: int):
@@ -96,7 +99,7 @@ class Individual(Displayed):
 
     @property
     def alive(self) -> bool:
-        """True if the individual is alive in the last generation."""
+        """Whether the individual is alive in the last generation."""
         return bool(self.births.alive[self._row])
 
     @property
@@ -118,8 +121,8 @@ class Individual(Displayed):
         births = self.births
         if not births.ok[self._row]:
             raise RunError(
-                f"{self} has no value for each goal of the run",
-                "a birth with status ok, and a value of each goal",
+                f"{self} lacks a value for at least one goal of the run",
+                "a birth that has the status 'ok' and a value for each goal",
                 "choose another birth: run.where(\"status == 'ok'\")",
             )
         pairs = zip(births.goals, births.losses[self._row], strict=True)
@@ -133,14 +136,14 @@ class Individual(Displayed):
         return self.run.individuals([self.id], rebred=False)[0]
 
     def is_known(self, birth: Birth, city: CityMap) -> None:
-        """Set the individual's row of the log and its decoded map, if the caller knows them
-        already."""
+        """Set the individual's row of the log and its decoded map, if the caller already has
+        both."""
         vars(self).update(birth=birth, city=city.replace(city.heights, name=self._title))
 
     @property
     def error(self) -> str | None:
-        """Reason why the birth failed. For a birth that did not fail: reason why a recorded measure
-        has no value."""
+        """Reason why the birth failed. For a birth that did not fail, the attribute gives the
+        reason why a recorded measure has no value."""
         return self.birth.error
 
     @property
@@ -150,7 +153,7 @@ class Individual(Displayed):
 
     @property
     def parents(self) -> list["Individual"]:
-        """Parents of the individual; a source city has no parents."""
+        """Parents of the individual, as individuals; a source city has no parents."""
         return [Individual(self.births, one) for one in self.birth.parents]
 
     @cached_property
@@ -190,9 +193,9 @@ class Individual(Displayed):
 
     @property
     def ground(self) -> str | None:
-        """Name of the source city that supplied the largest share of the map. The method `save`
-        accepts the name of this city as its argument ``at``. The name is None if all source cities
-        have the same place, or if none has a place on Earth."""
+        """Name of the source city that supplied the largest share of the map. The argument ``at``
+        of the method `save` accepts the name of a source city. The name is None if all source
+        cities have one place on Earth, or if no source city has a place on Earth."""
 
         if self.run.header.crs is not None or not self.run.header.chromosome.ancestry_columns:
             return None
@@ -208,8 +211,8 @@ class Individual(Displayed):
     def picture(self, zoom: float | None = None, highest: float | None = None) -> "Image.Image":
         """Draw the map as a picture with legend and attribution.
 
-        The factor ``zoom`` multiplies the number of pixels along each side of the decoded map. The
-        argument ``highest`` is the height in metres at the end of the colour scale.
+        The argument ``zoom`` multiplies the number of pixels along each side of the decoded map.
+        The argument ``highest`` is the height in metres at the end of the colour scale.
         """
         from evocity.coding import decode
         from evocity.pictures import render
@@ -227,8 +230,8 @@ class Individual(Displayed):
         return render(city, highest=highest)
 
     def ancestry_picture(self) -> "Image.Image":
-        """Draw a map of the source cities, with a colour for each city. The map shows which cities
-        supplied each range block, also through earlier generations."""
+        """Draw the individual's map in the colours of its source cities, one colour for each city.
+        The map shows which cities supplied each range block, also through earlier generations."""
         from evocity.coding.ancestry import ancestry
         from evocity.pictures import Shares, render_shares
 
@@ -237,8 +240,8 @@ class Individual(Displayed):
         return render_shares(Shares(self.city, ancestry(genome), genome.cities, title))
 
     def scene(self, **how: Any) -> "Scene":
-        """Make a scene of the map in three dimensions, with the scores. The method takes the same
-        keyword arguments as `evocity.scene`."""
+        """Make a scene of the map in three dimensions, with the scores of the individual. The
+        method takes the same keyword arguments as `evocity.scene`."""
         from evocity.scene import scene
 
         return scene(self.city, **({"measures": self.scores} | how))
@@ -252,11 +255,12 @@ class Individual(Displayed):
         scene in three dimensions.
 
         at : name of a source city. The file gets the place on Earth and the coordinate reference
-            system of the named city. By default, the file gets the common place of all source
-            cities. If the source cities have different places, the file gets no place on Earth.
+            system of the named city. By default, the file gets the place on Earth that all source
+            cities have in common. If the source cities have different places, the file gets no
+            place on Earth.
 
-        Raises `EvocityError` for an unknown suffix, and other errors if writing fails. After an
-        error, no incomplete file remains.
+        Raises `EvocityError` for an unknown suffix, and the errors of the writing function if
+        writing fails. After an error, no incomplete file remains.
         """
         from evocity import io
         from evocity.scene import SUFFIXES, scene, suffix_of
@@ -321,8 +325,8 @@ def fabric_of(header: Header, genome: Any, what: str) -> Genome:
     fabric = header.chromosome.fabric(genome)
     if fabric is None:
         raise RunError(
-            f"genomes of the kind {header.kind} have no source cities, but {what} needs them",
-            "a run that breeds city fabrics or sites, because only these have source cities",
+            f"{what} needs source cities, but a genome of the kind '{header.kind}' has no cities",
+            "a run that breeds genomes with source cities: city fabrics or sites",
             "use the picture, the measures and the pedigree of the birth instead",
         )
     return fabric
@@ -343,6 +347,16 @@ def shares_of(run: RunLog, ids: np.ndarray) -> np.ndarray:
             if birth.genome is not None:
                 shares[row] = fabric_of(run.header, birth.genome, "the ancestry").shares
     return shares
+
+
+def describe_scarce(shares: Mapping[str, float], cities: Sequence[str]) -> str:
+    """Name the source ``cities`` that have under `SCARCE` of the buildings, in a sentence; empty if
+    all have more, and for a single city. ``shares``: source city -> share of what is built."""
+    scarce = [city for city in cities if shares.get(city, 0.0) < SCARCE]
+    if not shares or not scarce or len(cities) < 2:
+        return ""
+    parts = [f"{share_text(shares.get(city, 0.0))} of its buildings from {city}" for city in scarce]
+    return f"It has only {' and '.join(parts)}."
 
 
 def share_text(share: float) -> str:

@@ -60,12 +60,12 @@ class Likeness:
     def _places(self, birth) -> np.ndarray:
         if birth.genome is None:
             raise self._lacks(birth.id, NEVER_BRED)
-        return _stones(fabric_of(self._births.run.header, birth.genome, "the kin"))
+        return _stones(fabric_of(self._births.run.header, birth.genome, "the search for kin"))
 
     def _lacks(self, identifier: int, why: str) -> RunError:
         return RunError(
             f"{self._births.run.path}: individual {identifier} cannot be compared: {why}",
-            "births with status ok",
+            "births that have the status 'ok'",
             "leave this individual out of the comparison",
         )
 
@@ -73,7 +73,7 @@ class Likeness:
         """Return all distances between the births ``ids``, float64 ``(n, n)``; at most `MOST`."""
         if len(ids) > MOST:
             raise EvocityError(
-                f"{len(ids)} births are too many to compare each with all others",
+                f"{len(ids)} births are too many to compare each birth with all others",
                 f"at most {MOST} births",
                 'choose fewer births, for example of=run.archive.ids or of=run.where("alive")',
             )

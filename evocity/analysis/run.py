@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 class Run(complete_run.CompleteRun, Displayed):
-    """Run folder that was opened for reading by `evocity.open_run`. The class extends
+    """Run folder that was opened for reading by `evocity.open_run`. The class `Run` extends
     `evocity.store.RunLog`.
 
     Methods for several births return a pandas data frame of scores, with one row per birth and the
@@ -56,8 +56,8 @@ class Run(complete_run.CompleteRun, Displayed):
         return self._settled
 
     def refresh(self) -> "Run":
-        """Read the run folder again, to see new generations and a changed recipe. Return the run
-        itself."""
+        """Read the run folder again, to see new generations and a changed recipe. Return this
+        run."""
         path = self.path
         self.__dict__.clear()
         self.__init__(path)
@@ -127,15 +127,15 @@ class Run(complete_run.CompleteRun, Displayed):
     def scores(self) -> "pd.DataFrame":
         """Data frame of the scores of all births, with one row per birth and the index ``id``. The
         columns are ``generation``, ``operator``, ``status``, ``feasible``, ``seconds``, ``alive``
-        and the measures. The column ``feasible`` is true if all values lie within the current
-        bounds. The column ``alive`` is true for a birth of the last generation. A missing value is
-        NaN. A run with islands also has the column ``island``. If a measure has the name of another
-        column, the measure's column is called fitness.NAME."""
+        and the measures. The column ``feasible`` is true for a birth whose values all lie within
+        the run's current bounds. The column ``alive`` is true for a birth of the last generation. A
+        missing value is NaN. A run with islands has the additional column ``island``. If a measure
+        has the name of another column, the measure's column has the name fitness.NAME."""
         return self.frame(slice(None))
 
     def frame(self, rows: np.ndarray | slice, **more: np.ndarray) -> "pd.DataFrame":
-        """Return the `scores` of the births in the given ``rows``; other keyword arguments become
-        columns of the table."""
+        """Return the `scores` of the births in the given ``rows``, with an additional column for
+        each keyword argument."""
         births = self.columns
         names = [name for name in births.columns if name not in ("id", "lived")]
         columns = {name: births.column(name)[rows] for name in names} | more
@@ -150,7 +150,7 @@ class Run(complete_run.CompleteRun, Displayed):
         """Return the `scores` of the births that meet a ``condition``. Examples of conditions are
         "fsi > 2 and crumbs < 4", "operator == 'relocation' and not alive" and "0.2 < gsi <= 0.4". A
         condition can use the columns of `scores`, and the names ``id`` and ``lived``. The method
-        parses the condition and never executes it as code.
+        parses the text of the condition, and never executes the text as code.
 
         Raises `EvocityError` if the text is not a condition, or if it names an unknown column.
         """
@@ -158,9 +158,9 @@ class Run(complete_run.CompleteRun, Displayed):
 
     @property
     def series(self) -> "pd.DataFrame":
-        """Data frame of the course of the run, with one row per generation. The columns ``births``
-        and ``failures`` count all births up to a generation; ``living`` and ``feasible`` count
-        individuals of this generation. The table has further columns: ``hypervolume``,
+        """Data frame of the course of the run, with one row per generation. In a row, ``births``
+        and ``failures`` count all births up to the generation; ``living`` and ``feasible`` count
+        individuals of the generation. The data frame has the additional columns ``hypervolume``,
         ``evaluations_per_second``, ``best.<measure>`` and ``mean.<measure>``."""
         columns = series_of(self.columns)
         return frame_of(columns, columns.pop("generation"), "generation")
@@ -173,15 +173,17 @@ class Run(complete_run.CompleteRun, Displayed):
         return list(self.columns.aims)
 
     def front(self, generation: int | None = None) -> "pd.DataFrame":
-        """Return the `scores` of the front of a ``generation``, with the best first. The front
-        consists of the living individuals that no other individual dominates. The default
-        generation is the last. In a run with islands, the goals of all islands count."""
+        """Return the `scores` of the Pareto front of a ``generation``, with the best individuals
+        first. The front consists of the living individuals that no other individual dominates. By
+        default, the method uses the last generation. With islands, the goals of all islands
+        count."""
         ids, ranks = self.columns.ranked(generation)
         return self.frame(self.columns.rows(ids[ranks == 0]))
 
     def best(self, measure: str, goal: str | None = None, alive: bool = False) -> Individual:
         """Return the best birth according to a ``measure``, or to a sum of measures in the recipe.
-        Only births that keep the constraints count. Among equally good births, the first wins.
+        Only births that keep all constraints can be the best birth. Among equals, the earliest
+        birth wins.
 
         goal : direction "max" or "min"; required for a measure without a goal in the run.
         alive : whether to choose only among individuals that are alive in the last generation.
@@ -217,7 +219,7 @@ class Run(complete_run.CompleteRun, Displayed):
         """Return the best compromise of the archive, or of the births in the argument "of". Every
         birth has a distance from the best value of each goal. The compromise is the birth whose
         largest distance is smallest (achievement scalarisation, Wierzbicki 1980). The mapping
-        ``weights`` gives each goal a weight: by default 1, or 0 to ignore the goal.
+        ``weights`` gives each goal a weight; the default weight is 1, and 0 ignores a goal.
 
         Raises `EvocityError` for invalid weights, and `RunError` if there is no birth.
         """
@@ -227,8 +229,8 @@ class Run(complete_run.CompleteRun, Displayed):
     def keep(self, n: int = 5, of: object = None) -> "Shortlist":
         """Return a shortlist of at most ``n`` births of the archive: the compromise, the best birth
         for each goal, and births that look different. The argument "of" replaces the archive by
-        other births. Each entry of the shortlist has the attributes ``individual``, ``role``,
-        ``why``, ``gave_up`` and ``built``."""
+        other births. Each entry of the shortlist has the attributes ``individual``, ``role`` (for
+        example "compromise"), ``why``, ``gave_up`` and ``built``."""
         from evocity.analysis.shortlist import choose_shortlist
 
         check_count("n", n)
@@ -239,7 +241,7 @@ class Run(complete_run.CompleteRun, Displayed):
         self, of: object = None, measures: Sequence[str] | None = None, order: str | None = None
     ) -> "View":
         """Return a Jupyter widget that shows all births, or the births in the argument "of". The
-        widget has a gallery and parallel coordinates with one filter. The attribute
+        widget has a gallery and parallel coordinates, which share one filter. The attribute
         ``view.selected`` lists the selected births, and ``view.filtered`` the births that pass the
         filter. A notebook without widgets shows a picture.
 
@@ -275,14 +277,14 @@ class Run(complete_run.CompleteRun, Displayed):
 
     def clusters(self, k: int, by: str = "looks", of: object = None) -> "pd.DataFrame":
         """Divide the births of the archive into ``k`` groups of similar births. The argument "of"
-        replaces the archive by other births. Return the scores with two additional columns. The
-        column ``cluster`` numbers the groups from 0. The column ``medoid`` is true for the middle
-        birth of each group.
+        replaces the archive by other births. Return the scores of the births with two additional
+        columns. The column ``cluster`` numbers the groups from 0. The column ``medoid`` is true for
+        the middle birth of each group.
 
         by : kind of distance between two births. The distance "looks" is the share of the map where
             the heights differ by more than a storey. The distance "scores" is the difference
             between the losses of two births, each loss divided by its range. The distance "kin" is
-            the share of the map with range blocks from different places.
+            the share of the map whose range blocks come from different places in the source cities.
 
         Raises `EvocityError` if ``k`` is out of range, or if there are too many births to compare.
         """
@@ -313,9 +315,9 @@ class Run(complete_run.CompleteRun, Displayed):
 
     def most_different(self, n: int, of: object = None, by: str = "looks") -> "pd.DataFrame":
         """Return the scores of ``n`` very different births of the archive, or of the births in the
-        argument "of". The two births that differ most come first. Each further birth is the birth
-        that differs most from all births before it. The method `clusters` explains the kinds of
-        distance."""
+        argument "of". The first two rows are the two births that differ most. Each further birth is
+        the birth that differs most from all births already in the table. The method `clusters`
+        explains the kinds of distance."""
         ids = self._ids(of)
         check_count("n", n, len(ids))
         rows = farthest_first(self.likeness.matrix(ids, by), n)
@@ -324,8 +326,8 @@ class Run(complete_run.CompleteRun, Displayed):
     def diversity(self, by: str = "scores", generations: int = 50) -> "pd.DataFrame":
         """Return a data frame whose column ``apart`` holds the mean distance between two living
         individuals. The rows are generations, evenly spaced over the run. The method `clusters`
-        explains the kinds of distance. The distance "looks" is slow, because it decodes all living
-        individuals."""
+        explains the kinds of distance. The distance "looks" is slow to compute, because all living
+        individuals must be decoded."""
         check_count("generations", generations)
         numbers, apart = diversity_of(self.columns, self.likeness, by, generations)
         return frame_of({"apart": apart}, numbers, "generation")
@@ -335,7 +337,7 @@ class Run(complete_run.CompleteRun, Displayed):
     def survivors(self, n: int | None = None) -> "pd.DataFrame":
         """Return the scores of the births that survived at least one generation, at most ``n``
         births. The column ``lived`` counts the generations that a birth survived. The births that
-        survived longest come first; older births come before younger births."""
+        survived longest come first; among equal births, older births come first."""
         lived = self.columns.lived
         rows = np.lexsort((self.columns.ids, -lived))[: np.count_nonzero(lived)]
         if n is not None:
@@ -357,10 +359,10 @@ class Run(complete_run.CompleteRun, Displayed):
         """Return a data frame of the success of the operators, with one row per operator. The
         columns ``births``, ``failed`` and ``survived`` count the operator's births; a birth
         survives if it lives for a generation. The column ``entered`` counts the births that entered
-        the archive when born. The column ``ancestors`` is the operator's share of the living
-        individuals and their ancestors. The column ``paid`` divides the value in the column
-        ``ancestors`` by the operator's share of births. A ``paid`` value above 1 means more success
-        than average. The column ``seconds`` is the mean time of a birth."""
+        the archive at their birth. The column ``ancestors`` is the operator's share of the living
+        individuals and their ancestors. The column ``paid`` holds the value in the column
+        ``ancestors`` divided by the operator's share of all births. A ``paid`` value above 1 means
+        more success than the average. The column ``seconds`` is the mean time of a birth."""
         names, columns = self.operator_credit
         return frame_of(columns, names, "operator")
 
@@ -394,7 +396,7 @@ class Run(complete_run.CompleteRun, Displayed):
 
         measures : one measure or several. Each measure is a name, a measure object, or a file
             NAME.py, which evocity executes.
-        workers : number of processes, by default one per core; 0 uses this process, without limit.
+        workers : number of processes, by default one per core; 0 uses this process without limits.
         timeout : time limit in seconds for all measures of one birth.
 
         The method keeps the values in the user's cache, the folder ``evocity/scores`` in
@@ -424,8 +426,8 @@ class Run(complete_run.CompleteRun, Displayed):
         write_csv(self.columns, every, path, form)
 
     def save(self, which: object, path: str | os.PathLike, at: str | None = None) -> None:
-        """Write several births into one file. The births are ids, individuals, a data frame, or the
-        result of `keep`.
+        """Write several births into one file. The births to write are ids, individuals, a data
+        frame, or the result of `keep`.
 
         A ``.zip`` file contains a table of scores, the attribution, and five files for each birth:
         GeoTIFF map, footprints, picture, genome and scene. A ``.png`` file is a contact sheet of
@@ -438,11 +440,11 @@ class Run(complete_run.CompleteRun, Displayed):
         write_several([self[int(one)] for one in self._ids(which)], path, at, roles_of(which))
 
     def compare(self, other: "Run | str | os.PathLike") -> "Comparison":
-        """Compare this run with another run. The result has the data frames ``recipes``,
-        ``hypervolume`` and ``fronts``. The frame ``recipes`` lists the differences between the
-        recipes. The frame ``hypervolume`` uses the goals of both runs. The frame ``fronts`` says
-        how far one run's front dominates the other run's front. Printing the result shows the
-        comparison in sentences."""
+        """Compare this run with another run. The result has three data frames, the attributes
+        ``recipes``, ``hypervolume`` and ``fronts``. The frame ``recipes`` lists the differences
+        between the recipes. The frame ``hypervolume`` uses the goals of both runs. The frame
+        ``fronts`` says how much of the other run's front each run's front dominates. Printing the
+        result shows the comparison in sentences."""
         from evocity.analysis.comparison import compare
 
         return compare(self, other if isinstance(other, Run) else Run(other))

@@ -54,7 +54,7 @@ def measures_of(given: object) -> list[Measure]:
         else:
             raise FitnessError(
                 f"{spell(one)} is not a measure",
-                "the name of a measure, a file NAME.py, or a measure object",
+                "the name of a measure, a Python file with a measure, or a measure object",
                 'give one of these, for example "compactness"',
             )
         chosen |= {measure.name: measure for measure in several}

@@ -10,7 +10,7 @@ import numpy as np
 
 from evocity.analysis.births import Births
 from evocity.analysis.clusters import label_clusters, medoids
-from evocity.analysis.individual import Individual, share_text
+from evocity.analysis.individual import Individual, describe_scarce, share_text
 from evocity.analysis.likeness import Likeness
 from evocity.errors import EvocityError, is_number, near_miss, spell
 from evocity.genome import VOID
@@ -56,8 +56,17 @@ class ShortlistEntry:
         return f"Its buildings come from {shares}." if shares else ""
 
     @property
+    def scarce(self) -> str:
+        """The source cities that have under 10 % of the buildings, in a sentence; empty if all have
+        more, and for the code of a parent."""
+        if not self.built or self.individual.operator == "source":
+            return ""
+        sources = self.individual.births.sources
+        return describe_scarce(self.built, [one.name for one in sources if one.city.built.any()])
+
+    @property
     def reasons(self) -> list[str]:
-        return [text for text in (self.why, self.gave_up, self.stones) if text]
+        return [text for text in (self.why, self.gave_up, self.stones, self.scarce) if text]
 
     def __str__(self) -> str:
         return f"{self.individual.id}, {self.role}. {' '.join(self.reasons)}"

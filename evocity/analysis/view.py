@@ -87,10 +87,11 @@ class View(Displayed):
 
     @property
     def brushes(self) -> dict[str, list]:
-        """Filter of the view, as a mapping from columns to spans or words. For a column of numbers,
-        give spans, as in ``{"fsi": [(1, 2)]}``. For a column of words, give words, as in
-        ``{"operator": ["mutation"]}``. A birth passes the filter if its value in each filtered
-        column lies in a span or equals one of the words. The value ``{}`` removes the filter."""
+        """Filter of the view, as a mapping from each column to ranges of numbers or to words. For a
+        column of numbers, give ranges, as in ``{"fsi": [(1, 2)]}``. For a column of words, give the
+        words to keep, as in ``{"operator": ["mutation"]}``. A birth passes the filter if its value
+        in each filtered column lies in a given range or equals a given word. The value ``{}``
+        removes the filter."""
         return dict(self.widget.brushes)
 
     @brushes.setter
@@ -112,8 +113,8 @@ class View(Displayed):
     @property
     def order(self) -> str:
         """Name of the column that sorts the gallery. A column with a goal puts the best births
-        first; other columns sort from the lowest value or alphabetically. The sign ``-`` before the
-        name reverses the order."""
+        first; a column without a goal sorts from the lowest value, or alphabetically. The sign
+        ``-`` before the name reverses the order."""
         return "-" * self.widget.order["reversed"] + self.widget.order["name"]
 
     @order.setter
@@ -128,7 +129,7 @@ class View(Displayed):
         return {"name": name.removeprefix("-") if is_turned else name, "reversed": is_turned}
 
     def refresh(self) -> "View":
-        """Read the run again, and keep the present selection and filter. Return the view itself."""
+        """Read the run again, and keep the present selection and filter. Return this view."""
         self.run.refresh()
         self._viewed = ViewTable(self.run, self._of)
         self.widget.show(self.table, self._viewed.about)

@@ -64,7 +64,7 @@ Exit codes: 0 done; 1 the run failed; 2 the input is at fault; 130 stopped by Ct
 @click.version_option(__version__, prog_name="evocity")
 def main() -> None:
     """Breed city fabrics: encode districts as fractal genomes, combine the genomes, and measure the
-    decoded maps."""
+    maps that the genomes decode to."""
 
 
 _RUNS = (run, recipe, resume, pick, reweight, stop, refine, replay, status, report, keep, studio)

@@ -77,10 +77,10 @@ def autosimilarity(
 ) -> None:
     """Write a map of the places where MAP is similar to itself (Marsault 2005, section 1.3).
 
-    The error µ, from 0 to 1, is the share of a range block that its best domain block cannot
+    The error µ, from 0 to 1, is the share of a range block that even the best domain block cannot
     explain. The error µ is 0 where the map repeats itself exactly at another scale. The search is
-    exact: it compares all range blocks with all domain blocks, in 8 isometries. MAP is a file or
-    the name of a bundled district.
+    exact, because the command compares all range blocks with all domain blocks, in 8 isometries.
+    MAP is a file or the name of a bundled district.
 
     The computing time grows with the fourth power of the map's side, and with the number of block
     sides B and D. With one side B and one side D, a map of 256 × 256 px takes about ten seconds.
@@ -91,8 +91,8 @@ def autosimilarity(
 
     The JSON document has the keys "measure", "normalise", "lowest", "mean", "highest", "known",
     "curve" and "seconds". The keys "lowest", "mean" and "highest" are null if no pixel has a value.
-    The key "known" is the share of pixels that have a value. The key "curve" has the mean error µ
-    for each pair of block sides B and D.
+    The key "known" is the share of pixels that have a value. The key "curve" contains the mean
+    error µ for each pair of block sides B and D.
     """
     import numpy as np
 
@@ -157,8 +157,7 @@ def _check_measure(measure: str, free: bool | None, blocks: list[int]) -> None:
     sizes = ",".join(str(size) for size in blocks)
     raise EvocityError(
         f"--measure {measure} cannot be used with --block {sizes}",
-        "several sides in --block for the measures largest and likeness; only one side for the "
-        "measure mean",
+        "several block sides for the measures 'largest' and 'likeness'; one block side for 'mean'",
         "write for example --measure largest --block 4,6,8; or --measure mean --block 8",
     )
 

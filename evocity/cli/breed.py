@@ -50,8 +50,8 @@ def breed(
     child keeps the pixels that were locked in a parent with `evocity encode --lock`.
 
     The JSON document has the keys "operator", "seed", "lifs", "cities" and "made". The key "cities"
-    has the share of the map that comes from each source city. The key "made" has facts from the
-    operator, such as the shares it reached and the number of repaired lifs.
+    contains the share of the map that comes from each source city. The key "made" contains results
+    that the operator reports, for example the number of repaired lifs.
     """
     import numpy as np
 

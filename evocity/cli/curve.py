@@ -60,8 +60,8 @@ def curve() -> None:
 @output_option("GEOJSON", "File to write")
 @option(
     "--what",
-    "Lines to trace: the edge of the fabric, the skyline, the façades, or the middle lines of "
-    "streets.",
+    "Lines to trace: the edge of the built fabric, the skyline, the façades, or the middle "
+    "lines of streets.",
     click.Choice(["edge", "skyline", "facades", "streets"]),
     "edge",
 )
@@ -93,8 +93,8 @@ def trace(
 ) -> None:
     """Trace lines in a map: the edge of the built fabric, the skyline, façades or streets.
 
-    The JSON document has the key "lines", a list with the number of points and the length (metres)
-    of each line.
+    In the JSON document, the key "lines" lists the number of points and the length (metres) of each
+    line.
     """
     from evocity import scene
     from evocity.io import PlacedLines, write_lines
@@ -114,8 +114,8 @@ def trace(
     if not lines:
         raise EvocityError(
             f"{city.name}: the map has no line of 50 m or more",
-            "a map with a line of 50 m or more",
-            "use a larger map, or trace other lines with --what",
+            "a map with a line that is at least 50 m long",
+            "use a larger map, or choose other lines with the option --what",
         )
     write_lines(PlacedLines(tuple(lines), crs, city.attribution), output)
     listed = [{"points": len(line), "length": length_of(line)} for line in lines]
@@ -142,7 +142,9 @@ def trace(
 )
 @option("--depth", "Number of levels of detail. [from the line]", click.IntRange(1, 19))
 @option(
-    "--drawn K|all", "Number of finest levels that the curve draws without details.", default="3"
+    "--drawn K|all",
+    "Number of finest levels whose details the curve may lose and still stay near the line.",
+    default="3",
 )
 @option("--starts", "Number of random starts of the fit.", click.IntRange(1, 1000), 6)
 @option("--seed", "Seed of the random starts of the fit.", WHOLE, 0)
@@ -162,14 +164,14 @@ def fit(
 ) -> None:
     """Fit a curve, with details, to a line in a GeoJSON file.
 
-    The fit searches for contracting affine maps. The fitted curve stays near the line even without
-    the details of the finest K levels (--drawn). Coordinates in degrees are projected to metres
-    around the middle of the line.
+    The fit searches for contracting affine maps. With --drawn K, the fitted curve stays near the
+    line even without the details of the finest K levels. Coordinates in degrees are projected to
+    metres around the middle of the line.
 
-    The JSON document has the keys "points", "depth", "numbers", "rms" and "contraction". The key
-    "contraction" has the keys "lower", "upper" and "proved". The key "numbers" counts the points of
-    the curve without its finest K levels. The key "rms" is the root-mean-square distance between
-    the line and the curve without its finest K levels, in metres.
+    The JSON document has the keys "points", "depth", "numbers", "rms" and "contraction". The object
+    "contraction" contains the keys "lower", "upper" and "proved". With --drawn K, the key "numbers"
+    counts the points of the curve without the finest K levels. With --drawn K, the key "rms" is the
+    root-mean-square distance in metres between the line and the curve without the finest K levels.
     """
     import numpy as np
 
@@ -181,8 +183,8 @@ def fit(
     if drawn != "all" and not (drawn.isdecimal() and 1 <= int(drawn) <= 64):
         raise EvocityError(
             f"--drawn {drawn} is not a number of levels",
-            "the word all, or a whole number of levels, 1 or more",
-            "correct the number after --drawn",
+            "the word 'all', or a whole number of levels from 1",
+            "correct the value of --drawn",
         )
     placed = read_lines(line)
     chosen = _choose_line(placed.lines, number, line)
@@ -216,7 +218,7 @@ def fit(
 @click.argument("source", metavar="CURVE")
 @click.argument("place", metavar="MAP|GENOME|RUN")
 @id_option
-@output_option("TIF|NPY|PNG", "Map to write, with the curve on it")
+@output_option("TIF|NPY|PNG", "Map to write, with the curve drawn on the map")
 @option("--width", "Width of the drawn curve, in metres.", float, required=True)
 @option(
     "--height",
@@ -226,7 +228,8 @@ def fit(
 )
 @option(
     "--mask NPY",
-    "Mask file to write, which marks the pixels under the curve for evocity encode --lock.",
+    "Mask file to write; the mask marks the pixels under the curve for the option --lock of "
+    "`evocity encode`.",
     FILE,
 )
 @json_option

@@ -35,14 +35,14 @@ curve_output = output_option(
 @output_option("FILE", "Curve to write: .json, .parquet, .geojson, .png or .svg", required=False)
 @json_option
 def detail(source: str, drop: int, output: Path | None, as_json: bool) -> None:
-    """Print the amount of detail on each level of a curve, and the error of the curve without the
-    details of the level.
+    """For each level of a curve, print the amount of detail, and the error of the curve without the
+    detail.
 
     The JSON document has the keys "levels", "length" (metres) and "dimension" (from box counting).
     Each entry of the key "levels" has the keys "level", "points", "amount" and "rms". The key
-    "amount" is the root mean square of the details, divided by the chord of their polygon. The key
-    "rms" is the error in metres of the curve without the details of a level and of all finer
-    levels.
+    "amount" is the root mean square of the details, relative to the distance between the ends of
+    each curve part. The key "rms" is the error of the curve, in metres, without the details of the
+    level and of all finer levels.
     """
     from evocity.shapes import StoredCurve, line_dimension, rms_of
 
@@ -94,9 +94,9 @@ def transfer(
     """Replace the finest details of CURVE with the details of another curve, DONOR.
 
     The position and the size of DONOR have no effect, because details are relative to the size of
-    their curve. If DONOR and CURVE have different affine maps, the command first encodes DONOR
-    again with the affine maps of CURVE. If the new line crosses itself, the command still writes
-    the line, and prints a warning.
+    the curve. If DONOR and CURVE have different affine maps, the command first encodes DONOR again
+    with the affine maps of CURVE. If the new line crosses itself, the command still writes the
+    line, and prints a warning.
 
     The JSON document has the keys "length" (metres) and "crosses" (the place where the line crosses
     itself, or null).
@@ -138,7 +138,7 @@ def amplify(source: str, output: Path, gain: float, levels: str | None, as_json:
         if not all(part.isdecimal() and len(part) < 4 for part in parts):
             raise EvocityError(
                 f"--levels {levels} is not a list of levels",
-                "whole numbers with commas between them, such as 5,6",
+                "the numbers of levels with commas between them, such as 5,6",
                 "correct the list after --levels",
             )
         chosen = [int(part) for part in parts]

@@ -57,12 +57,12 @@ _PLACED = (".gpkg", ".tif", ".tiff")
 )
 @option(
     "--low-pass F_C",
-    "Replace with ground the pixels that the genome copies more than F_C times.",
+    "Replace pixels with ground if the genome copies them more than F_C times.",
     float,
 )
 @option(
     "--high-pass F_C",
-    "Replace with ground the pixels that the genome copies fewer than F_C times.",
+    "Replace pixels with ground if the genome copies them fewer than F_C times.",
     float,
 )
 @count_option
@@ -72,19 +72,19 @@ def decode(
 ) -> None:
     """Decode a genome, and write the decoded map (the attractor of the genome).
 
-    The genome comes from a GENOME file, or from individual --id of a RUN folder.
+    The genome comes from a GENOME file, or from the individual that --id names in a RUN folder.
 
-    The filters --low-pass and --high-pass replace some pixels with ground. If a filter makes a
-    pixel ground, the pixels that the genome copies from this pixel become flat. With both
+    The filters --low-pass and --high-pass replace some pixels with ground. If a filter replaces a
+    pixel with ground, all pixels that the genome copies from this pixel become flat. With both
     --low-pass and --high-pass, the map keeps only the pixels whose number of copies is between the
-    two limits. The command `evocity show --usage` prints useful values for the limit F_C; the
-    papers use 1, 10 and 100.
+    two limits. The command `evocity show --usage` prints useful values of F_C for --low-pass and
+    --high-pass; published examples use 1, 10 and 100.
 
-    A footprint file has one polygon per building, with the columns id, height (mean height of its
-    pixels, metres) and area (m²). Walls are straight lines fitted to the pixels, and footprints
-    never overlap. The map of a child of two towns has no coordinates on Earth: write this map as
-    .gpkg, in local metres, not as .geojson. With --at, the map of a child gets the coordinates of
-    one of its source cities.
+    A footprint file has one polygon per building, with the columns "id", "height" (mean height of
+    the building, in metres) and "area" (in m²). Walls are straight lines fitted to the pixels, and
+    footprints never overlap. If the parents of a child are two towns, the child's map has no
+    coordinates on Earth: write the map as .gpkg, in local metres, not as .geojson. With --at, the
+    map of a child gets the coordinates of one source city.
     """
     from evocity.io import RAW_WRITERS, WRITERS
 
@@ -95,8 +95,8 @@ def decode(
     for name, f_c in filters.items():
         if not f_c >= 0:
             raise EvocityError(
-                f"--{name} {f_c:g} is not a number of copies",
-                "a number of copies, 0 or more",
+                f"--{name} {f_c:g} is not a number of copies of a pixel",
+                "the number of times that the genome copies a pixel, 0 or more",
                 "use for example 10; the command `evocity show --usage` prints useful numbers",
             )
     note_compiling()

@@ -47,18 +47,23 @@ from evocity.cli.shared.terminal import (
 @output_option("GENOME", "Genome file to write, usually .parquet")
 @option(
     "--block SIDE|FINEST-LARGEST",
-    "Finest and largest side of range blocks in pixels, or a single side. [2-16]",
+    "Smallest and largest side of range blocks in pixels, or a single side. [2-16]",
     SIDES,
 )
-@option("--lifs N", "Largest number of leaves in the quadtree. [one for each 8 px of the map]", int)
+@option(
+    "--lifs N",
+    "Largest number of lifs (affine maps) in the genome; each range block has one lifs. "
+    "[one for each 8 px of the map]",
+    int,
+)
 @option(
     "--max-error METRES",
-    "Collage error above which a leaf of the quadtree splits; this option replaces --lifs.",
+    "Collage error above which the quadtree splits a range block; this option replaces --lifs.",
     float,
 )
 @option(
     "--domains N[,N…]",
-    "Side of domain blocks divided by the side of their range block.",
+    "Side of a domain block, divided by the side of the range block that copies the domain block.",
     NUMBERS,
     "2",
 )
@@ -81,37 +86,41 @@ from evocity.cli.shared.terminal import (
 )
 @option(
     "--settle/--no-settle",
-    "Give each decoded building a flat roof at its median height.",
+    "Give each decoded building a flat roof at the median height of the building.",
     default=True,
 )
 @option(
     "--topological SHARE",
-    "Margin of error within which the surroundings of a range block decide between domain blocks. "
-    "[the first of equals]",
+    "Largest difference in error at which the surroundings of a range block decide between two "
+    "domain blocks. [the first of equals]",
     float,
 )
 @option(
     "--lock locks FILE...",
-    "File that marks the locked pixels, with footprints or with values above 0. The locked pixels "
-    "keep their heights in all descendants.",
+    "File that marks the pixels to lock, with footprints or with raster values above 0. The "
+    "locked pixels keep their heights in all descendants.",
 )
-@option("--lock-heights FILE|METRES", "New heights of the locked pixels. [the map's own]", HEIGHTS)
+@option(
+    "--lock-heights FILE|METRES",
+    "File or number with the new heights of the locked pixels. [the map's own]",
+    HEIGHTS,
+)
 @map_options
 @json_option
 def encode(map, output: Path, locks, lock_heights, reading, as_json: bool, **coding) -> None:
     """Encode MAP as a fractal genome.
 
-    MAP is the name of a bundled district, or a GeoJSON, GeoPackage, Shapefile, OSM XML, OSM PBF,
-    CityJSON, GeoTIFF, PNG or NPY file. The genome file is a Parquet table with a row for each lifs.
-    DuckDB, polars and pandas can read the genome file.
+    MAP is the name of a bundled district, or a file in one of these formats: GeoJSON, GeoPackage,
+    Shapefile, OSM XML, OSM PBF, CityJSON, GeoTIFF, PNG, NPY. The genome file is a Parquet table
+    with a row for each lifs. DuckDB, polars and pandas can read the genome file.
 
-    With --block 2-16, range blocks are leaves of a quadtree, with sides from 2 to 16 px that adapt
-    to the city. With --block 4, all range blocks have sides of 4 px. With --max-error, a leaf of
-    the quadtree splits if its root-mean-square error is above the given limit. Leaves of the
-    quadtree never split below the finest side. With --no-settle, decoded roofs keep their fractal
-    heights and do not become flat. With --topological 0, the surroundings of a range block decide
-    only between equally good domain blocks. With --lock-heights, the locked pixels get new heights,
-    for example those of a new building, or 0 for a river.
+    With --block 2-16, a quadtree divides the map into range blocks with sides from 2 to 16 px. With
+    --block 4, all range blocks have sides of 4 px. With --max-error, the quadtree splits a range
+    block if the root-mean-square error of the block is above the given limit. The quadtree never
+    makes range blocks smaller than the smallest side in --block. With --no-settle, decoded roofs
+    keep their fractal heights and do not become flat. With --topological 0, the surroundings of a
+    range block decide only between equally good domain blocks. With --lock-heights, the locked
+    pixels get new heights, for example the height of a new building, or 0 for a river.
 
     The JSON document has the keys "psnr", "collage_rmse", "lifs", "uniform", "pairs" and "seconds".
     The key "psnr" is the fidelity of the decoded genome, in dB. The key "collage_rmse" is the

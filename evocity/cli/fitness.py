@@ -42,13 +42,13 @@ def list_measures(files: tuple[str, ...], cost: bool, as_json: bool) -> None:
 
     The option --cost adds a column with the milliseconds of one call on lyon-1er, 256 × 256 px.
     With --cost, the sign "-" marks measures that fail, and measures that need a genome, parents or
-    source cities. With --cost, the sign "?" marks measures without a result: each measure has 2 s,
-    and all measures together have 10 s. For exact times from repeated calls, use `evocity fitness
-    bench`.
+    source cities. With --cost, the sign "?" marks measures that exceeded a time limit: 2 s for one
+    measure, or 10 s for all measures together. For exact times from repeated calls, use `evocity
+    fitness bench`.
 
     For each measure, the JSON document has the keys "goal", "unit", "range", "milliseconds",
-    "origin" and "doc". The key "range" has the lower and the upper bound; null means that a bound
-    is missing. Without --cost, the key "milliseconds" is null.
+    "origin" and "doc". The key "range" contains the lower and the upper bound; null means that a
+    bound is missing. Without --cost, the key "milliseconds" is null.
     """
     with quiet_stdout():
         for file in files:

@@ -59,13 +59,13 @@ def check(measures: tuple[str, ...], timeout: float, as_json: bool) -> None:
 
     The JSON document has the keys "usable", "findings", "values", "reasons", "milliseconds",
     "first_ms", "median_ms", "memory", "turned" and "halved" for each measure. Each finding has the
-    keys "kind", "about", "file", "line", "found", "expected" and "remedy". The key "values" has a
-    number for each map; null means that the measure is undefined or failed. The key "reasons" says
-    why a value is null. The key "milliseconds" has the time of the first call on each map. The key
-    "memory" has the memory of a call, in bytes. The keys "turned" and "halved" have the values
-    before and after the change of the map, or null if the command did not try the change. If a file
-    cannot be loaded, the JSON document has the keys "usable" and "findings" under the name of the
-    file.
+    keys "kind", "about", "file", "line", "found", "expected" and "remedy". The key "values"
+    contains a number for each map; null means that the measure is undefined or failed. The key
+    "reasons" says why a value is null. The key "milliseconds" contains the time of the first call
+    on each map. The key "memory" is the number of bytes of memory that one call needs. The keys
+    "turned" and "halved" contain the values before and after the command turned or halved the map.
+    The values are null if the command did not turn or halve the map. If a file cannot be loaded,
+    the JSON document contains only the keys "usable" and "findings" for the file.
     """
     note_compiling()
     # click.Context.exit() raises: call it outside of all context managers
@@ -291,13 +291,14 @@ def bench(words: tuple[str, ...], source: str, repeats: int, reading, as_json: b
 
     The column "alone" is the time of a call on a new map, including the derived data (views) that
     the measure needs. The column "shared" is the time of a call on a map whose derived data (views)
-    already exist. The row "all together" is the total time of all measures, called once each on one
-    map. The first call, which loads compiled code, does not count. Each printed time is the
-    shortest of all calls, followed by the median in brackets.
+    already exist. The row "all together" is the total time of one call of every measure on one map.
+    The times leave out the first call, because the first call loads compiled code. Each printed
+    time is the shortest of all calls, followed by the median in brackets.
 
     The JSON document has the keys "measures" and "together" with times in milliseconds. For each
-    measure, the key "measures" has "alone" and "shared", each with the least and the median time.
-    The key "together" has the least and the median time of all measures on one map.
+    measure, the key "measures" has the keys "alone" and "shared", each with the least and the
+    median time. The key "together" contains the least and the median time of all measures together
+    on one map.
     """
     from evocity.fitness.check.cost import cost, cost_together
 

@@ -55,23 +55,28 @@ def {name}(city):
 @click.argument("name", metavar="NAME")
 @option(
     "--goal",
-    "Goal that a search has for the measure: high values, low values, or none. For a measure "
+    "Values that a search prefers: high values, low values, or neither. For a measure "
     "without a goal, the recipe sets a target value or a reference city.",
     click.Choice(["max", "min", "none"]),
     "max",
 )
-@option("--unit", "Unit of the measure, such as m or /ha. [a pure number]", default="")
+@option(
+    "--unit",
+    "Unit of the measure, such as m (metres) or /ha (per hectare). [a pure number]",
+    default="",
+)
 @option(
     "-o --output FILE|FOLDER",
-    "File to write, or its folder; existing files are never overwritten. [NAME.py here]",
+    "File to write, or the folder for the new file; existing files are never overwritten. "
+    "[NAME.py here]",
     FILE,
 )
 def new(name: str, goal: str, unit: str, output: Path | None) -> None:
     """Write a Python file with an example measure called NAME.
 
-    The example measure works without changes. The file has a place for each property of a measure,
-    such as goal, unit and range. Change the formula in the file, then try the measure on cities
-    with `evocity fitness check NAME.py`.
+    The example measure works without changes. The file sets each property of a measure, such as
+    goal, unit and range. Change the formula in the file, then try the measure on cities with
+    `evocity fitness check NAME.py`.
     """
     _check_name(name)
     _check_unit(unit)
@@ -148,14 +153,14 @@ def _check_name(name: str) -> None:
     if not name.isidentifier() or keyword.iskeyword(name):
         raise EvocityError(
             f"{name!r} cannot be the name of a measure",
-            "a name of a Python function, with only letters, digits and _, that does not begin "
+            "a name of letters, digits and _ for a Python function; the name may not begin "
             "with a digit",
             f"choose another name, for example: evocity fitness new {_clean_name(name)}",
         )
     if name in ("evocity", "np", "math", "city") or hasattr(builtins, name):
         raise EvocityError(
             f"{name!r} cannot be the name of a measure",
-            "a name that has no other meaning in the Python file",
+            "a name that neither Python nor the new file uses for anything else",
             f"choose another name, for example: evocity fitness new my_{name}",
         )
     for measure in evocity.fitness.measures():
@@ -194,7 +199,7 @@ def _new_path(output: Path, name: str) -> Path:
     if path.exists() or path.is_symlink():
         raise EvocityError(
             f"{str(path)!r} exists already",
-            "a new file",
+            "the name of a file that does not exist yet",
             "choose another file name or another folder with -o",
         )
     return path

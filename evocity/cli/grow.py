@@ -32,6 +32,7 @@ MOST_WHOLE = 1 << 24
   evocity grow lyon-1er --width 1024 --height 512 --seed 7 --straight -o long.png
   evocity grow lyon-1er --width 1024 --height 1024 --top -5000 --left 20000 -o far.tif
   evocity grow lyon-1er montpellier-pas-du-loup --width 1024 --height 512 -o between.tif
+  evocity grow lyon-1er --width 2048 --height 2048 --streets -o along-streets.tif
   evocity grow runs/lyon-x-montpellier --id 97 --width 1024 --height 1024 -o large.parquet""")
 @click.argument("genomes", metavar="GENOME|RUN|MAP...", nargs=-1, required=True)
 @option("--width", "Width of the new map, in pixels.", int, required=True)
@@ -58,20 +59,27 @@ MOST_WHOLE = 1 << 24
 )
 @option(
     "--share FILE|NUMBER...",
-    "Share of groups from the second of two genomes; with three or more genomes, the share of "
-    "each genome. A share is a number from 0 to 1, or a picture in which white is 1. [a ramp from "
+    "Share of groups that come from the second genome; with three or more genomes, one share for "
+    "each genome. A share is a number from 0 to 1, or a picture in which white is 1. [a ramp from"
+    " "
     "west to east]",
 )
 @option(
     "--share-over TOP LEFT HEIGHT WIDTH",
-    "Area that the picture or the ramp of --share covers, in pixels from the first original city's"
-    " north-west corner. [the map]",
+    "Area over which the shares of --share change, in pixels from the north-west corner of the "
+    "first genome's city. [the map]",
     int,
 )
 @option("--cell PIXELS", "Side of the square cells that form groups, in pixels. [about 8 m]", int)
-@option("--side-min METRES", "Smallest side of a group of cells. [over half of --side-max]", float)
 @option(
-    "--side-max METRES", "Largest side of a group of cells. [56 px, or half the original]", float
+    "--side-min METRES",
+    "Smallest side of a group of cells, in metres. [over half of --side-max]",
+    float,
+)
+@option(
+    "--side-max METRES",
+    "Largest side of a group of cells, in metres. [56 px, or half the original]",
+    float,
 )
 @option("--size-min", "Deprecated: the value of --side-min, counted in range blocks.", int)
 @option("--size-max", "Deprecated: the value of --side-max, counted in range blocks.", int)
@@ -80,47 +88,62 @@ MOST_WHOLE = 1 << 24
 )
 @option(
     "--candidates",
-    "Number of candidates per group; more candidates improve the fit, but need more time.",
+    "Number of candidates that the command compares for each group; more candidates improve the "
+    "fit, but need more time.",
     int,
     600,
 )
 @flag("--straight", "Keep street directions: do not rotate or mirror groups.")
+@flag(
+    "--streets",
+    "Grow streets that run through, with quarters of the original city between them, in place of "
+    "small groups of cells.",
+)
 @ids_option("Give one --id for each run folder among the genomes, in the order of the folders")
 @parent_options
 @json_option
 def grow(
     genomes, width, height, output: Path, seed, top, left, corner, share, share_over, straight,
-    identifiers, reading, coding, as_json, **sizes,
+    streets, identifiers, reading, coding, as_json, **sizes,
 ) -> None:  # fmt: skip
-    """Grow an endless fabric around a city, or between several cities.
+    """Grow an endless city fabric around a city, or between several cities.
 
     The original city stays unchanged. Around the original city, the command places copied groups of
-    cells that fit their neighbours without visible seams. No area of 64 × 64 px appears twice in
-    the fabric, unless the original city repeats this area (docs/operators.md). The fabric depends
-    only on the genomes, the options and the seed. With --top and --left, you can write any part of
-    the fabric, and adjacent parts fit together. The command writes the map piece by piece, so a
-    large map needs little memory.
+    square map cells, and each group fits the adjacent groups without visible seams. No area of 64 ×
+    64 px appears twice in the fabric, unless the original city repeats this area
+    (docs/operators.md). The fabric depends only on the genomes, the options and the seed. With
+    --top and --left, you can write any part of the fabric, and adjacent parts fit together. The
+    command writes the map piece by piece, so a large map needs little memory.
 
     Each GENOME is a genome file, a run folder with --id, a map file, or the name of a bundled
     district. If you name a map, the command first encodes the map as a genome. With several
-    genomes, only the first original city stays unchanged in the fabric. The option --share sets the
-    share of groups from each genome.
+    genomes, only the city of the first genome stays unchanged in the fabric. The option --share
+    sets the share of copied groups that come from each genome.
 
-    The options --top and --left count pixels from the north-west corner of the first original city,
-    and may be negative. If only one of --top and --left is given, the other option is 0. Without
-    --top and --left, the first of several original cities lies at the west edge of the map. The
-    option --corner replaces --top and --left. A picture for --share is black where all groups come
-    from the first genome. Adjacent maps of a fabric fit together only if they have the same
-    --share-over. Cells consist of whole range blocks, and groups of cells have sides of at most 56
-    px.
+    With --streets, the command first draws avenues and streets without end, and then fills the
+    quarters between them. Each quarter shows one place of an original city, turned to the streets
+    around it. A street cuts a building only along the building's front. The options --side-min and
+    --side-max then set the sides of quarters. The options --tolerance, --size-min and --size-max do
+    not apply.
+
+    The options --top and --left count pixels from the north-west corner of the first genome's city,
+    and may be negative. If only one of --top and --left is given, the other option is 0. With
+    several genomes and without --top and --left, the first genome's city lies at the west edge of
+    the map. You can give --corner instead of --top and --left. A picture for --share is black where
+    all groups come from the first genome. Two adjacent maps of a fabric fit together only if you
+    use the same --share-over for both maps. Cells consist of whole range blocks, and groups of
+    cells have sides of at most 56 px.
 
     The JSON document has the keys "groups", "step", "forced", "repeated", "top", "left", "cell",
     "side_min", "side_max", "repaired" and "seconds". The key "step" is the mean height difference
-    along the outlines of groups, in metres. The key "forced" counts groups without an admissible
-    candidate. The key "repeated" counts groups that make an area appear twice. The key "cell" is
-    the side of a cell, in pixels. The keys "side_min" and "side_max" are the limits of the side of
-    a group, in metres. If the command writes a genome, the key "repaired" counts the repaired lifs
-    of the genome.
+    along the outlines of groups, in metres. The key "forced" counts groups whose mean height
+    difference along the outline is above --tolerance. The key "repeated" counts groups that make an
+    area appear twice. The key "cell" is the side of a cell, in pixels. The keys "side_min" and
+    "side_max" are the smallest and the largest allowed side of a group, in metres. If the command
+    writes a genome, the key "repaired" counts the repaired lifs of the genome. With
+    --streets, groups are quarters. The key "front" then replaces "step" and "repeated": it is the
+    mean built share of a strip along the streets. The key "forced" counts quarters that stay open,
+    because no place fits.
     """
     import numpy as np
 
@@ -160,6 +183,7 @@ def grow(
         share=shares,
         share_over=share_over or (place if placed and len(codes) > 1 else None),
         turned=not straight,
+        streets=streets,
         **sizes,
     )
     if placed:
@@ -171,8 +195,8 @@ def grow(
     made |= _write(fabric, output) | {"top": top, "left": left}
     if as_json:
         keys = (
-            "groups", "step", "forced", "repeated", "top", "left", "cell", "side_min", "side_max",
-            "repaired",
+            "groups", "step", "front", "forced", "repeated", "top", "left", "cell", "side_min",
+            "side_max", "repaired",
         )  # fmt: skip
         print_json({key: made[key] for key in keys if key in made} | {"seconds": seconds})
         return
@@ -182,17 +206,33 @@ def grow(
         f"{height * pixel / 1000:.3g} × {width * pixel / 1000:.3g} km, "
         f"from row {top}, column {left}"
     )
-    echo(
-        f"{made['groups']} groups of {made['side_min']:g} to {made['side_max']:g} m laid "
-        f"in {seconds:.1f} s; mean step along their outlines {made['step']:.2f} m"
-    )
-    if made["forced"]:
-        echo(f"{made['forced']} of them had no admissible candidate; they have the smallest step")
-    if made["repeated"]:
-        echo(f"{made['repeated']} of them make a window of 64 × 64 px appear twice")
+    for line in _quality_of(made, seconds):
+        echo(line)
     if "repaired" in made:
         echo(f"{made['repaired']} lifs repaired")
     echo(f"wrote {output}")
+
+
+def _quality_of(made: dict, seconds: float) -> list[str]:
+    """Say in lines what was laid, and how well it fits."""
+    sides = f"of {made['side_min']:g} to {made['side_max']:g} m laid in {seconds:.1f} s"
+    if made.get("streets"):
+        lines = [
+            f"{made['groups']} quarters {sides}; {made['front']:.0%} of their fronts are built"
+        ]
+        if made["forced"]:
+            lines.append(f"{made['forced']} of them stay open, because no place fits")
+        return lines
+    lines = [
+        f"{made['groups']} groups {sides}; mean step along their outlines {made['step']:.2f} m"
+    ]
+    if made["forced"]:
+        lines.append(
+            f"{made['forced']} of them had no admissible candidate; they have the smallest step"
+        )
+    if made.get("repeated"):
+        lines.append(f"{made['repeated']} of them make a window of 64 × 64 px appear twice")
+    return lines
 
 
 def _write(fabric, output: Path) -> dict:
@@ -231,7 +271,7 @@ def _share_of(words: Sequence[str], count: int):
     if len(rasters) > 1:
         sizes = " and ".join(f"{tall} × {wide}" for tall, wide in sorted(rasters))
         raise EvocityError(
-            f"--share has pictures of several sizes: {sizes} px",
+            f"the pictures after --share have several sizes: {sizes} px",
             "pictures that all have the same size",
             "scale the pictures to the same size",
         )

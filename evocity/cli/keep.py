@@ -30,18 +30,19 @@ def keep(run: str, count: int, output: Path | None, at: str | None, as_json: boo
     """Print which individuals of RUN to keep, and why.
 
     The individuals to keep are the best compromise, the best individual for each goal, and a few
-    individuals that look unlike all of these. No birth of the run dominates an individual to keep.
-    For each individual, the command prints the number, the role, the reason to keep it, its
-    weaknesses, and the sources of its buildings. The report of RUN begins with the individuals to
-    keep. The run may still be in progress, because the command changes and executes nothing in the
-    run folder.
+    individuals that look unlike the best individuals. No birth of the run dominates any of the
+    individuals to keep. For each individual, the command prints the id, the role, the reason to
+    keep the individual, the weaknesses, and the sources of the buildings. The command warns of
+    source cities that have less than 10 % of the buildings. The report of RUN begins with the
+    individuals to keep. The run may still be in progress, because the command changes and executes
+    nothing in the run folder.
 
     With --at, the maps, footprints and genomes in a .zip file get the coordinates of a source city.
 
     The JSON document has the keys "kept" and "untraced". The key "kept" lists the individuals, each
-    with the keys "id", "role", "why", "gave_up", "built" and "scores". The key "built" has the
+    with the keys "id", "role", "why", "gave_up", "built" and "scores". The key "built" contains the
     share of the built area from each source city, or null if nothing comes from source cities. The
-    key "untraced" lists the source cities that have at most 0.01 of the built area in each kept
+    key "untraced" lists the source cities that supply at most 1 % of the built area in every kept
     individual.
     """
     if output is not None:

@@ -27,8 +27,8 @@ def library() -> None:
 @click.argument("maps", metavar="MAP...", nargs=-1, required=True)
 @option(
     "-o --output FOLDER",
-    "Folder of the library, created if missing; an existing objects.gpkg in the folder is "
-    "overwritten.",
+    "Folder of the library; the command creates the folder if necessary, and overwrites an "
+    "existing objects.gpkg.",
     FILE,
     required=True,
 )
@@ -68,7 +68,7 @@ def new(maps, output: Path, licence, atmosphere, isolated, classes, reading, as_
         if count > 1:
             raise EvocityError(
                 f"the map {source} appears twice",
-                "each map only once",
+                "maps that are all different",
                 "remove one of the two names of this map",
             )
     made, named = [], Counter()
@@ -78,7 +78,7 @@ def new(maps, output: Path, licence, atmosphere, isolated, classes, reading, as_
         if not terms:
             raise EvocityError(
                 f"{source} has no licence",
-                "the licence of the map",
+                "a map whose licence is known",
                 "name the licence of the map, for example with --licence ODbL-1.0",
             )
         note_reading(city, reading)

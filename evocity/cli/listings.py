@@ -15,12 +15,12 @@ from evocity.cli.shared.terminal import echo, print_json, print_table, warn
   evocity cities --json""")
 @json_option
 def cities(as_json: bool) -> None:
-    """List the bundled districts, each with its number of buildings, its number of missing heights
-    and its attribution.
+    """List the bundled districts, with the number of buildings, the number of missing heights, and
+    the attribution of each district.
 
     Wherever a command or a recipe needs a map file, you can write the name of a district. Pictures
-    and files made from a district contain its attribution. Keep the attribution of a district with
-    everything that you publish.
+    and files made from a district contain the attribution of the district. Keep the attribution of
+    a district with everything that you publish.
 
     For each district, the JSON document has the keys "attribution", "buildings" and
     "without_height". The key "without_height" counts the buildings that get the default height.
@@ -53,8 +53,8 @@ def list_operators(as_json: bool) -> None:
     option --set of `evocity breed`.
 
     For each operator, the JSON document has the keys "of", "parents", "parameters", "origin" and
-    "doc". The key "of" says what the operator breeds: fabric, shape or curve. The key "parents" has
-    the smallest and the largest number of parents; null means any number.
+    "doc". The key "of" says what the operator breeds: fabric, shape or curve. The key "parents"
+    contains the smallest and the largest number of parents; null means any number.
     """
     from evocity.operators import operators as all_operators
     from evocity.operators import origins, plugin_warnings
@@ -133,7 +133,7 @@ def list_readers(as_json: bool) -> None:
     effect.
 
     The page docs/maps.md describes each reader. Other packages add readers through entry points of
-    the group evocity.readers.
+    the group "evocity.readers".
 
     For each suffix, the JSON document has the keys "content", "options", "origin" and "doc" of the
     reader. If the key "content" is null, the reader accepts any content.

@@ -47,8 +47,9 @@ def recipe() -> None:
 @click.argument("maps", metavar="MAP...", nargs=-1, required=True)
 @option(
     "--fitness words NAME|FILE.py|FILE.toml...",
-    "Measure that guides the search: a name, a Python file (the command executes it) or a table "
-    "of building types. [autosimilarity, alignment, salingaros_buildings, crumbs]",
+    "Measure that guides the search: the name of a measure, a Python file that the command "
+    "executes, or a table of building types. [autosimilarity, alignment, salingaros_law, "
+    "crumbs]",
 )
 @option(
     "-o --output FILE.toml",
@@ -57,7 +58,7 @@ def recipe() -> None:
     required=True,
 )
 @flag("--force", "Overwrite an existing recipe.")
-@option("--pixels", "Side of each map's window in pixels, a multiple of 16.", int, 256)
+@option("--pixels", "Number of pixels on each side of a map's window: a multiple of 16.", int, 256)
 @metres_option
 @centers_option
 @file_options
@@ -68,17 +69,18 @@ def new(
     """Write a recipe that breeds from MAPs, with bounds calibrated on these maps.
 
     Each MAP is a map file or the name of a bundled district. The command encodes each map as a
-    genome, then measures both the map and the decoded genome. The recipe sets bounds on integrity,
-    fabric distance and small buildings. The coded parents satisfy all bounds in the recipe, but a
-    map of rubble violates these bounds. Comments in the recipe explain each line, list the values
-    of the parents, and estimate the time of a run. Paths in the recipe are relative to the folder
-    of the recipe. If a measure has no goal, its target in the recipe is the value of the first MAP,
-    measured on the decoded genome.
+    genome, then measures both the map and the decoded genome. The recipe sets bounds on three
+    measures: integrity, fabric distance and small buildings. The encoded parents satisfy all bounds
+    in the recipe, but a map of scattered fragments violates these bounds. Comments in the recipe
+    explain each line, list the values of the parents, and estimate the time of a run. Paths in the
+    recipe are relative to the folder of the recipe. For a measure without a goal, the recipe sets a
+    target: the value that the first MAP has after encoding and decoding.
 
     The JSON document has the keys "recipe", "values", "bounds", "births", "seconds" and "duration".
-    For each measure and parent, the key "values" has the values of the map and of the decoded
-    genome. For each measure with a bound, the key "bounds" has min or max. The key "seconds" is the
-    time of one birth. The key "duration" is the time of all births on all cores, in seconds.
+    For each measure and parent, the key "values" has two values: one for the original map, and one
+    for the decoded genome. For each measure with a bound, the object "bounds" contains the key
+    "min" or "max". The key "seconds" is the time that one birth takes, in seconds. The key
+    "duration" is the estimated time of the run on all cores, in seconds.
     """
     from evocity.search.calibration.calibration import calibrate_recipe
     from evocity.search.calibration.recipe_text import RecipeSettings, describe_duration
@@ -158,7 +160,7 @@ def _refuse_existing(output: Path, force: bool) -> None:
     if not force and os.path.lexists(output):
         raise EvocityError(
             f"{str(output)!r} exists already",
-            "a new file",
+            "the name of a file that does not exist yet",
             "choose another name after -o, or overwrite the file with --force",
         )
 
@@ -186,7 +188,7 @@ def _parents(
             raise EvocityError(
                 f"--{key.replace('_', '-')} {given[key]} does not apply to {', '.join(maps)}",
                 "an option that applies to at least one of the maps",
-                "leave out this option",
+                f"leave out --{key.replace('_', '-')}",
             )
     files = [source for source in maps if source not in cities()]
     if len(centers) == len(maps):
@@ -197,9 +199,9 @@ def _parents(
         center_of = {}
     else:
         raise EvocityError(
-            f"--center is given {len(centers)} times for {len(maps)} maps, of which {len(files)} "
-            "come from files",
-            "one --center LON LAT for each map, or one for each map that comes from a file, in the "
+            f"--center is given {len(centers)} times for {len(maps)} maps; {len(files)} of these "
+            "maps come from files",
+            "one --center LON LAT for each map; or one for each map that comes from a file, in the "
             "order of the maps",
             "give one --center for each map; or leave --center out, and write center = [LON, LAT] "
             "in the recipe, under [[parents]]",

@@ -43,8 +43,8 @@ The genome can be a parent of another run: [[parents]] genome = "better.parquet"
 @output_option("GENOME", "Genome file to write, usually .parquet")
 @option(
     "--way",
-    "Part of the individual to tune: the fabric of street blocks, their heights, the operator's "
-    "parameters, or all lifs.",
+    "Object that the optimiser tunes: the fabric of street blocks, the heights of street "
+    "blocks, the parameters of the operator, or all lifs (affine maps).",
     click.Choice(["lambda_field", "heights", "parameters", "fit"]),
     "lambda_field",
 )
@@ -52,7 +52,8 @@ The genome can be a parent of another run: [[parents]] genome = "better.parquet"
 @option("--algorithm", "Algorithm of NLopt.", click.Choice(["sbplx", "cobyla", "bobyqa"]), "sbplx")
 @option(
     "--side",
-    "Number of values along each side of the field of numbers that covers the map.",
+    "Number of rows, and of columns, in the square grid of numbers that the optimiser tunes "
+    "over the map.",
     click.IntRange(1, 16),
     4,
 )
@@ -75,7 +76,11 @@ The genome can be a parent of another run: [[parents]] genome = "better.parquet"
     WHOLE,
 )
 @option("--tune KEY...", "Parameter to tune with --way parameters. [all numbers]")
-@option("--towards MAP", "Map to approach with --way fit, read with the run's window and pixels.")
+@option(
+    "--towards MAP",
+    "Map that --way fit approaches; the command reads this map with the window and the "
+    "pixels of the run.",
+)
 @accept_changes_option
 @trust_option
 @map_options
@@ -94,28 +99,30 @@ def refine(
     as_json,
     **how,
 ) -> None:
-    """Improve the individual --id of RUN with an optimiser, and write the result as a genome.
+    """Improve an individual of RUN with an optimiser, and write the improved genome.
 
-    The score of an individual is the sum of its losses. The loss of each goal is divided by the
-    range of this goal in the first generation. An individual that breaks constraints is always
-    worse than an individual that breaks no constraint. With --way fit, the score is the distance to
-    the map of --towards. If the optimiser finds nothing better, the command writes the unchanged
-    genome of the individual. The run stays unchanged, and may still be in progress. The command
-    executes the Python files of measures that the recipe names.
+    To score an individual, the command adds up the losses of all goals. The command divides each
+    loss by the range of the goal's values in the first generation. An individual that breaks
+    constraints is always worse than an individual that breaks no constraint. With --way fit, the
+    score is the distance between the decoded map and the map given by --towards. If the optimiser
+    finds nothing better, the command writes the unchanged genome of the individual. The run stays
+    unchanged, and may still be in progress. The command executes the Python files of measures that
+    the recipe names.
 
     With --way lambda_field, the optimiser chooses the street blocks that get the fabric of other
-    individuals. With --way lambda_field, each round continues from the best result, with fabric of
-    new individuals. With --way heights, the optimiser tunes the heights of street blocks. With
-    --way parameters, the optimiser tunes the parameters of the operator that bred the individual,
-    and replays the birth. With --way fit, the command tunes all lifs until the decoded map is as
-    close as possible to the map of --towards. With --way fit, the command does not use the general
-    optimiser.
+    individuals. With --way lambda_field, each round starts from the best result of all earlier
+    rounds, and uses fabric of newly chosen individuals. With --way heights, the optimiser tunes the
+    heights of street blocks. With --way parameters, the optimiser tunes the parameters of the
+    operator that bred the individual, and replays the birth. With --way fit, the command tunes all
+    lifs until the decoded map is as close as possible to the map given by --towards. With --way
+    fit, the command uses its own algorithm instead of NLopt.
 
     The JSON document has the keys "id", "way", "better", "bred", "evaluations", "failures",
-    "others", "score" and "values". With --way fit, the key "distance" has the root-mean-square
-    distance from the map of --towards, in metres. The key "bred" counts all children. The command
-    measures equal children only once. The keys "score", "values" and "distance" have the numbers
-    before and after the refinement.
+    "others", "score" and "values". With --way fit, the key "distance" contains the root-mean-square
+    distance, in metres, between the decoded map and the map given by --towards. The key "bred"
+    counts all children that the command bred. The command measures children with identical genomes
+    only once. The keys "score", "values" and "distance" contain the results before and after the
+    refinement.
     """
     opened = evocity.open_run(run)
     check_output(output, str(run))

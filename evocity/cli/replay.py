@@ -39,8 +39,8 @@ from evocity.errors import EvocityError
 @option(
     "--workers",
     "Number of worker processes, each with the recipe's deadline and memory limit. With --workers "
-    "0, the command works without worker processes and limits, and skips births that exceeded a "
-    "limit.",
+    "0, the command uses no worker processes and no limits, and skips births that exceeded a "
+    "limit in the run.",
     WHOLE,
     0,
 )
@@ -48,24 +48,24 @@ from evocity.errors import EvocityError
 @trust_option
 @json_option
 def replay(run: Path, ids, every, sample, seed, workers, accept_changes, trust, as_json) -> None:
-    """Repeat the births ID of RUN, and compare the results with the log of the run, bit for bit.
+    """Repeat births of RUN by their IDs, and compare the results with the log, bit for bit.
 
-    For each birth, the command draws the parents and the operator again, breeds the child and
-    measures it. The command prints every difference from the log. Measures that draw random numbers
-    can return different values. Measured values can differ on another machine, or with other
-    releases of libraries. The run stays unchanged, and may still be in progress. The command
+    For each birth, the command repeats the random draw of parents and operator, then breeds and
+    measures the child. The command prints every difference from the log. Measures that draw random
+    numbers can return different values. Measured values can differ on another machine, or with
+    other releases of libraries. The run stays unchanged, and may still be in progress. The command
     executes the Python files of measures that the recipe names. With --all, the command also names
     the files of the run that have no checksums, because an older release wrote them.
 
     The JSON document is a list of births with the keys "id", "same", "differs" and "reason". The
     key "same" is true or false; if the result is unknown, the key "same" is null and the key
-    "reason" says why. For each column that differs, the key "differs" has the logged value and the
-    new value. The compared columns are parents, operator, status, genome and fitness.NAME. The exit
-    code is 1 if any birth differs from the log.
+    "reason" says why. For each column that differs, the key "differs" contains the logged value and
+    the new value. The compared columns are "parents", "operator", "status", "genome", and a column
+    "fitness.NAME" for each measure. The exit code is 1 if any birth differs from the log.
     """
     if bool(ids) + every + (sample is not None) != 1:
         raise EvocityError(
-            "IDs, --all and --sample are all missing, or several of these are given",
+            "the command has none, or several, of the arguments IDs, --all and --sample",
             "exactly one of these: IDs; --all; --sample N",
             f"name births, for example: evocity replay {run} 0 1",
         )

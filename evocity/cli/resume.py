@@ -36,15 +36,15 @@ from evocity.cli.shared.terminal import echo, note
 @until_option
 @option(
     "--recipe revised RECIPE",
-    "Recipe that replaces the recipe of the run; the command executes its Python files of "
-    "measures. [the run's]",
+    "Recipe that replaces the recipe of the run; the command executes the Python files of "
+    "measures that the new recipe names. [the run's]",
 )
 @accept_changes_option
 @trust_option
 @flag(
     "--set-aside",
-    "Move damaged files of births and membership, and all later ones, to the folder damaged/, and "
-    "breed their births again.",
+    "Move damaged log files, and all log files after the first damaged file, to the folder "
+    "damaged/; breed the lost births again.",
 )
 def resume(folder: Path, revised, trust, set_aside, accept_changes, **changes) -> None:
     """Continue the run in the folder RUN.
@@ -52,15 +52,15 @@ def resume(folder: Path, revised, trust, set_aside, accept_changes, **changes) -
     The run continues after its last complete generation. The births of a resumed run are the same,
     bit for bit, as those of a run that never stopped. If the run is finished, the command only
     writes the report again, unless --generations asks for more generations. If the run has reached
-    its target or stagnates, the run stops immediately and prints advice on what to change. The
-    option --generations overrides the target and the limit of stagnation. The command executes the
-    commands of the recipe, and the Python files of measures that the recipe names.
+    its target or stagnates, the run stops immediately and prints advice on what to change. With
+    --generations, the run does not stop when it reaches the target or stagnates. The command
+    executes the Python files of measures and the external commands that the recipe names.
 
-    A recipe after --recipe may change weights, targets, bounds, parameters, generations, [stop],
-    [notify] and [evaluation]. The new recipe must contain all measures of the run, as goals, as
-    bounds or in run.record. If the new recipe adds measures, the command first computes these
-    measures for all earlier births. With --set-aside, the command breeds the births of damaged
-    files again.
+    The recipe given by --recipe may change weights, targets, bounds, parameters, generations, and
+    the tables [stop], [notify] and [evaluation]. The recipe given by --recipe must contain each
+    measure of the run: as a goal, as a bound, or in the list "run.record". If the recipe given by
+    --recipe adds measures, the command first computes the new measures for all earlier births. With
+    --set-aside, the command breeds the births from damaged log files again.
     """
     if set_aside:
         from evocity import store

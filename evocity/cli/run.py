@@ -27,7 +27,7 @@ A recipe is a TOML file; the run folder keeps a copy of it. Ctrl-C stops cleanly
 @option(
     "--workers",
     "Number of worker processes that evaluate births. With --workers 0, the command evaluates "
-    "births without worker processes and deadlines. [the recipe's, else one a core]",
+    "births without worker processes and without deadlines. [the recipe's, else one a core]",
     int,
 )
 @cluster_option("the recipe's")

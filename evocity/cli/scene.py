@@ -51,8 +51,8 @@ DETAIL = 2.2
 )
 @option(
     "--angles",
-    "Angles of corners: the value none allows any angle, and the value square makes right angles "
-    "where possible.",
+    'Angles of corners: the value "none" allows any angle, and the value "square" makes right '
+    "angles where possible.",
     click.Choice(["none", "square"]),
     "none",
 )
@@ -75,7 +75,8 @@ DETAIL = 2.2
 )
 @option("--library FOLDER", "Library whose objects replace buildings where the objects fit.", FILE)
 @option(
-    "--atmosphere WORDS", "Atmosphere of the objects that the command uses from --library. [any]"
+    "--atmosphere WORDS",
+    "Use only the objects of --library whose atmosphere is the given text. [any]",
 )
 @option(
     "--seed", "Seed of the random choice between equally suitable objects of --library.", WHOLE, 0
@@ -111,7 +112,7 @@ def scene(
     file for each zoom factor, such as level-z0.5.glb and level-z1.glb for level.glb.
 
     The coordinates in the file are metres from the map's south-west corner. The file contains the
-    coordinate reference system, the position of the map's corner in this system, and the
+    coordinate reference system, the position of the map's south-west corner in this system, and the
     attribution. Other evocity commands can read a .city.json file that this command wrote.
     """
     import numpy as np

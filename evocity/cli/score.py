@@ -50,12 +50,13 @@ _FORMULA = ("=", "+", "-", "@", "＝", "＋", "－", "＠")
 )
 @option(
     "--fitness words NAME|FILE.py|FILE.toml...",
-    "Measure to compute: a name, a Python file (the command executes it) or a table of building "
-    "types. [all of `evocity fitness list`]",
+    "Measure to compute: the name of a measure, a Python file that the command executes, or a "
+    "table of building types. [all of `evocity fitness list`]",
 )
 @option(
     "--reference references MAP|GENOME...",
-    "City with which measures compare the maps. [the source cities of an individual of a run]",
+    "Reference city with which the measures compare each map. [the source cities of an individual"
+    " of a run]",
 )
 @option(
     "--within FILE",
@@ -69,15 +70,16 @@ def score(maps, identifiers, words, references, within, reading, as_json, as_csv
     """Measure maps, and print the values.
 
     Each MAP is a map file or the name of a bundled district. A MAP can be a genome file, or a run
-    folder with --id: the command first decodes the genome. Measures of genomes, parents or source
-    cities apply only to individuals of runs, and only to whole maps. Measures that compare two
-    cities use the reference city from --reference. Several references have equal weight. The
-    command reads references with the same options as the maps.
+    folder with --id: the command first decodes the genome. A measure of genomes, parents or source
+    cities needs a whole map that belongs to an individual of a run. Measures that compare two
+    cities use the reference city from --reference. If you give several reference cities, all of
+    them have equal weight. The options for map files apply to the maps and to the reference cities.
 
-    The JSON document has the value of each measure; null means that the measure is undefined. For
-    several maps, the JSON document has one object of values for each map, under the map's name. The
-    CSV document has a column for each measure; the cell of an undefined value is empty. A map name
-    that begins with =, +, - or @ gets an apostrophe, so that spreadsheets do not read a formula.
+    The JSON document contains the value of each measure; null means that the measure is undefined.
+    For several maps, the JSON document contains an object for each map, with the map's name as key
+    and the values of the measures. The CSV document has a column for each measure; the cell of an
+    undefined value is empty. A map name that begins with =, +, - or @ gets an apostrophe, so that
+    spreadsheets do not read a formula.
     """
     if as_json and as_csv:
         raise click.UsageError("--json and --csv: leave one out, only one document fits")

@@ -50,7 +50,7 @@ _depth = option(
 @_side
 @_depth
 def show(name: str, output: Path, side: int, depth: int | None) -> None:
-    """Draw a plane shape as a picture, or a shape in space as solids in a GLB file."""
+    """Draw a two-dimensional shape as a picture, or a three-dimensional shape as a GLB file."""
     _draw(_read_shape(name), output, side, depth)
     size = "" if output.suffix.lower() == ".glb" else f", {side} × {side} px"
     echo(f"{output}: {name}{size}")
@@ -63,11 +63,11 @@ def show(name: str, output: Path, side: int, depth: int | None) -> None:
 @option("--side", "Largest raster side, in pixels. [4096, in space 256]", click.IntRange(64, 8192))
 @json_option
 def dimension(name: str, side: int | None, as_json: bool) -> None:
-    """Print two dimensions of a shape: one from its affine maps, and one from box counting.
+    """Print two fractal dimensions of a shape: one from the affine maps, and one from box counting.
 
-    The dimension from the affine maps is exact if all affine maps are similarities and pieces do
-    not overlap. If pieces overlap, the exact dimension of a shape is unknown. Box counting uses the
-    cells of a raster as boxes.
+    The dimension from the affine maps is exact if all affine maps are similarities and the pieces
+    of the shape do not overlap. If pieces overlap, the exact dimension of a shape is unknown. Box
+    counting uses the cells of a raster as boxes.
 
     The JSON document has the keys "dimension" (from the affine maps; null if unknown) and "boxes"
     (from box counting).
@@ -115,7 +115,7 @@ def count(name: str, depth: int, as_json: bool) -> None:
 @click.argument("last", metavar="NAME|FILE")
 @option(
     "-t",
-    "Position of the drawn shape, from the first shape (0) to the last shape (1).",
+    "Position of the drawn shape between the first shape (0) and the second shape (1).",
     click.FloatRange(0, 1),
     required=True,
 )
@@ -125,7 +125,7 @@ def count(name: str, depth: int, as_json: bool) -> None:
 def morph(first: str, last: str, t: float, output: Path, side: int, depth: int | None) -> None:
     """Draw an intermediate shape between two given shapes.
 
-    Lines that are connected in both shapes stay connected in every shape between these two. If the
+    Lines that are connected in both given shapes stay connected in every intermediate shape. If the
     shapes have different numbers of affine maps, the command prints how it pairs the affine maps.
     """
     from evocity.shapes import metamorphosis

@@ -40,9 +40,9 @@ _COUNTS = {
 @click.argument("what", metavar="MAP|GENOME|RUN")
 @output_option("PNG", "Picture to write")
 @ids_option("With several --id, the picture is a contact sheet")
-@flag("--plan", "Draw the faces between the streets of a map.")
+@flag("--plan", "Draw the areas between the streets of a map.")
 @flag("--leaves", "Draw the borders of a genome's range blocks over the map.")
-@flag("--usage", "Draw how often the genome copies each pixel of its map.")
+@flag("--usage", "Draw how often a genome copies each pixel of the decoded map.")
 @count_option
 @flag("--ancestry", "Draw the source city of each pixel in the map of a genome.")
 @option(
@@ -59,14 +59,15 @@ def show(
     Pictures have a colour scale of heights in metres, a scale bar and the attribution of the
     sources. For a run folder, the picture shows the parents and the best individuals of the last
     generation side by side. With --id, the picture shows one individual, or several individuals
-    with their scores. For a run with the algorithm map_elites, the picture shows the grid, with the
-    best map in each filled cell.
+    with their scores. For a run with the algorithm map_elites, the picture shows the archive grid,
+    with the best map in each filled cell.
 
-    With --plan, the picture shows the faces between the streets, and the lots of their buildings. A
-    cross in each face shows the directions of its walls.
+    With --plan, the picture shows the areas between the streets, and the lots of buildings in these
+    areas. A cross in each area between streets shows the directions of the walls in this area.
 
-    The options --leaves, --usage and --ancestry draw properties of a genome over its map. With
-    --ancestry --depth 0, each pixel shows the source city of its range block.
+    The options --leaves, --usage and --ancestry draw properties of a genome over the decoded map.
+    With --ancestry --depth 0, each pixel shows the source city of the range block that contains the
+    pixel.
     """
     flags = {"--plan": plan, "--leaves": leaves, "--usage": usage, "--ancestry": ancestry}
     parts = [name for name, given in flags.items() if given]

@@ -16,6 +16,9 @@ from evocity.errors import EvocityError
 #: Most ids of the front in the table.
 _MOST_IDS = 12
 
+#: Most individuals to keep in the table.
+_MOST_KEPT = 5
+
 #: Generations whose pace gives the time left.
 _PACE = 8
 
@@ -30,26 +33,32 @@ _MOST_SECONDS = 1e9
 def status(run: str, as_json: bool) -> None:
     """Print the state of the run in the folder RUN.
 
-    You can use this command while the run is in progress: it changes nothing, and reads only
-    complete generations. The command lists the ids of individuals on the front, for the option --id
-    of decode, score and show. With --json, the command lists all individuals on the front. The
-    hypervolume is relative to the first population of the run. The hypervolume shows how much a run
-    improves, but cannot compare two runs.
+    You can use this command while the run is in progress, because the command changes nothing and
+    reads only complete generations. The command lists the ids of individuals on the Pareto front;
+    use an id with the option --id of `evocity show`. With --json, the command lists all individuals
+    on the Pareto front. The hypervolume is relative to the first population of the run. The
+    hypervolume shows how much a run improves, but cannot compare two runs.
 
-    The JSON document has, among others, the keys "generation" (the last complete generation),
+    If the run measures `smallest_share`, the command lists the individuals that `evocity keep`
+    names. For each individual, the command prints the shares of the source cities in its buildings,
+    and warns of shares below 10 %.
+
+    The most important keys of the JSON document are "generation" (the last complete generation),
     "births", "failures", "hypervolume", "finished", "running", "seconds_left" and
-    "evaluations_per_second". The key "stopped" says why the run ended early. The key "best" has the
-    best value of each goal among the living individuals. The key "algorithm" has figures of the
-    search algorithm, for example coverage, cells and qd_score for map_elites. For each island, the
-    key "islands" has the keys "living", "feasible", "hypervolume", "best" and "algorithm" for
-    the goals of the island. For each measure in the key "best", the key "parents" has the values of
-    the source cities. The key "front" has the ids of all individuals on the front of the last
-    generation. The keys "picked", "picks_share" and "weights" have the effects of `evocity pick`
-    and `evocity reweight`. The key "waiting" lists commands that the run has not executed yet. The
-    key "refused" lists commands that the run refused. The key "evaluation" has the keys "engine",
-    "workers" and "cluster" for the last births. The key "differs" lists births whose results
-    changed when the run replayed these births. The key "damaged" lists files of the log that are
-    damaged or missing. Values that are unknown are null.
+    "evaluations_per_second". The key "stopped" says why the run ended early. The key "best"
+    contains the best value of each goal among the living individuals. The key "algorithm" contains
+    figures about the search algorithm, for example "coverage" for the algorithm map_elites. The key
+    "islands" contains an object for each island, with the keys "living", "feasible", "hypervolume",
+    "best" and "algorithm". The key "parents" contains the values of the source cities for all
+    measures in the key "best". The key "front" contains the ids of all individuals on the Pareto
+    front of the last generation. The keys "picked", "picks_share" and "weights" show the changes
+    that you made with `evocity pick` and `evocity reweight`. The key "waiting" lists commands, such
+    as `evocity pick`, that the run has not executed yet. The key "refused" lists commands, such as
+    `evocity pick`, that the run refused to execute. The key "evaluation" says how the run evaluated
+    its last births, in the keys "engine", "workers" and "cluster". The key "differs" lists births
+    whose results changed when the run replayed these births. The key "kept" lists the individuals
+    that `evocity keep` names, each with the keys "id" and "built" (the shares of its buildings).
+    The key "damaged" lists files of the log that are damaged or missing. Unknown values are null.
     """
     from evocity.store.lock import is_held
 
@@ -80,6 +89,7 @@ def status(run: str, as_json: bool) -> None:
         more = {"parents": parents, "running": running, "seconds_left": left, "front": front}
         more |= steering | {"evaluation": _engine(opened), "differs": differing(opened)}
         more |= {"damaged": _damaged(opened, held)}
+        more |= {"kept": [{"id": c.individual.id, "built": c.built} for c in _kept(opened, state)]}
         print_json(state | {"best": best} | more)
         return
     planned = planned_generations(opened)
@@ -99,6 +109,7 @@ def status(run: str, as_json: bool) -> None:
         *(row for aim in sought for row in _goal(aim, best[aim.name], parents)),
         *([("constraints", _bounds(opened))] if whole and any(a.bounds for a in aims) else []),
         *([("front", _ids(front, run))] if whole else []),
+        *_kept_rows(_kept(opened, state)),
         *_steering_rows(steering, run),
         ("evaluations/s", _format(state["evaluations_per_second"])),
         *([("evaluated by", _describe_engine(_engine(opened)))] if _engine(opened) else []),
@@ -257,6 +268,26 @@ def _steering_rows(steering: dict, run: str) -> list[tuple[str, str]]:
     return rows
 
 
+def _kept(opened, state: dict) -> list:
+    """The individuals to keep, if the run measures the shares of its source cities."""
+    measured = "smallest_share" in opened.header.columns
+    if not measured or state["generation"] is None:
+        return []
+    try:
+        return list(opened.keep(_MOST_KEPT))
+    except EvocityError:  # no archive, or a damaged log
+        return []
+
+
+def _kept_rows(kept: list) -> list[tuple[str, str]]:
+    """A row for each individual to keep: the shares of its buildings, and a warning."""
+    rows = []
+    for choice in kept:
+        texts = [f"{choice.individual.id}:", choice.stones, choice.scarce]
+        rows.append(("" if rows else "to keep", " ".join(text for text in texts if text)))
+    return rows
+
+
 def _ids(front: list[int], run: str) -> str:
     """The ids of some individuals, for --id."""
     more = len(front) - _MOST_IDS
@@ -280,8 +311,8 @@ def _format(value) -> str:
 def report(run: str, output: Path | None) -> None:
     """Write the report of the run in the folder RUN, and print the path of the report.
 
-    The run may be finished, stopped or in progress; the report covers all its complete generations.
-    Apart from writing the report, the command changes and executes nothing in the run folder.
+    The run may be finished, stopped or in progress; the report covers all complete generations of
+    the run. The command changes no other file of the run folder, and executes no measure.
     """
     from evocity.report import write_report
 

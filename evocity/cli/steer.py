@@ -20,17 +20,19 @@ _RUN = click.argument("run", metavar="RUN", type=click.Path(path_type=Path))
 @click.argument("ids", metavar="[ID]...", nargs=-1, type=click.IntRange(min=0))
 @option(
     "--share",
-    "Share of births whose first parent is a pick, above 0 and at most 1. "
+    "Share of births whose first parent is a picked individual: a number above 0 and at most 1. "
     "[unchanged, else [search] picks of the recipe, 0.5]",
     float,
 )
-@flag("--clear", "Remove the picks with the given IDs; without an ID, remove all picks.")
+@flag(
+    "--clear", "Unpick the individuals with the given IDs; without an ID, unpick all individuals."
+)
 def pick(run: Path, ids: tuple[int, ...], share: float | None, clear: bool) -> None:
-    """Use the individuals ID of RUN as parents, even if the algorithm would not choose them.
+    """Use the given individuals of RUN as parents, even if the algorithm would not choose them.
 
-    The picks become parents from the next generation on, until you clear them. If the run is
-    stopped or finished, picks become parents when you resume the run. Earlier picks stay. The log
-    records every pick, so a resumed run breeds the same births.
+    The picked individuals are parents from the next generation on, until you use --clear. If the
+    run is stopped or finished, the picked individuals become parents when you resume the run.
+    Earlier picks stay. The log records every pick, so a resumed run breeds the same births.
     """
     from evocity.search.record import commands
 
@@ -61,13 +63,13 @@ def pick(run: Path, ids: tuple[int, ...], share: float | None, clear: bool) -> N
 @_RUN
 @click.argument("weights", metavar="NAME=WEIGHT...", nargs=-1, required=True)
 def reweight(run: Path, weights: tuple[str, ...]) -> None:
-    """Change weights in a run: the weights of operators, or of measures that are summed to one
+    """Change weights in a run: weights of operators, or weights of measures that add up to one
     goal.
 
-    NAME is the name of an operator, or of a measure for which the recipe has the key weight or
-    objective. The WEIGHT of an operator may be 0. The new weights apply to all living individuals
-    from the next generation on. In a stopped or finished run, the new weights apply when you resume
-    the run. The log records every change.
+    NAME is an operator, or a measure whose table in the recipe has the key "weight" or "objective".
+    The WEIGHT of an operator may be 0. The new weights apply to all living individuals from the
+    next generation on. In a stopped or finished run, the new weights apply when you resume the run.
+    The log records every change of weights.
     """
     from pydantic import ValidationError
 
@@ -87,8 +89,8 @@ def reweight(run: Path, weights: tuple[str, ...]) -> None:
 def stop(run: Path) -> None:
     """Stop RUN after its current generation.
 
-    The process that breeds the run writes the report, and ends as if the run were finished. The
-    command `evocity resume` continues a stopped run, with the same births as without the stop.
+    The process that executes the run writes the report, and exits without an error. The command
+    `evocity resume` continues a stopped run, and the stop does not change any later birth.
     """
     from evocity.search.record import commands
 

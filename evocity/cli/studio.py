@@ -25,12 +25,12 @@ from evocity.errors import FitnessError
 )
 @option(
     "--fitness words FILE.py|FILE.toml...",
-    "Measures that the desk offers: a Python file (studio executes it) or a table of building "
-    "types.",
+    "Measures that the page for new runs offers: a Python file that studio executes, or a table "
+    "of building types.",
 )
 @option(
     "--recipe FILE.toml",
-    "Recipe that the desk offers; studio executes the measures of the recipe.",
+    "Recipe that the page for new runs offers; studio executes the measures of the recipe.",
     FILE,
 )
 @option("--port", "Network port of the page. [any free port]", click.IntRange(0, 65535), 0)
@@ -45,23 +45,26 @@ def studio(
     no_browser: bool,
     as_json: bool,
 ) -> None:
-    """Show all births of one or more runs in a browser, live, with a common filter.
+    """Show all births of one or more runs in a browser, with live updates and one filter for all
+    runs.
 
     Without a RUN, studio opens the desk, a page to prepare a run. The desk is a page where you
-    choose cities or footprint files, choose measures, and start a run. With a RUN, a button on the
-    page opens the desk.
+    choose cities or footprint files, choose measures, and start a run. With a RUN, the page of
+    studio has a button that opens the page for new runs.
 
-    For one run, or two runs side by side, the page shows pictures, parallel coordinates, pedigrees,
-    picks with notes, and children of picks. The page can save births as files. You can open a run
-    that is still in progress: studio reads the births, and writes only your picks. A run that you
-    start in studio continues when studio ends. New runs are saved in the folder --runs, or beside
-    the first RUN if --runs is missing.
+    For one run, or two runs side by side, the page shows pictures, parallel coordinates and
+    pedigrees of births. The page also shows the births that you picked, your notes, and the
+    children of picked births. The page can save births as files. You can open a run that is still
+    in progress: studio reads the births, and writes only your picks. A run that you start in studio
+    continues when studio ends. New runs are saved in the folder --runs, or beside the first RUN if
+    you do not give --runs.
 
-    Only you can open the page, and only on this machine: its address contains a secret token.
-    Ctrl-C ends studio. The command needs additional packages: pip install 'evocity[studio]'.
+    Only you can open the page, and only on this machine, because the address of the page contains a
+    secret token. Ctrl-C ends studio. The command needs additional packages: pip install
+    'evocity[studio]'.
 
-    The JSON document is a single line. The key "url" of the document has the address of the page,
-    including the token.
+    The JSON document is a single line. The key "url" of the document contains the address of the
+    page, including the token.
     """
     from evocity.lazy_imports import library
 
@@ -97,6 +100,6 @@ def _measures(file: str) -> list:
         return measures_of(file)
     raise FitnessError(
         f"--fitness {file} is not a file of measures",
-        "a Python file of measures, or a table of building types in TOML",
-        "leave out --fitness, because the desk always offers evocity's own measures",
+        "a Python file of measures, or a TOML file of building types",
+        "leave out --fitness, because studio always offers evocity's own measures",
     )

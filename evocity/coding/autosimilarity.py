@@ -32,18 +32,20 @@ class AutosimilarityMaps:
         block R is the least µ(R, D) over all sides D of domain blocks. The value µ̃(p) is the mean
         of the errors of all range blocks that contain p.
     least : least error µ_min(p) at each pixel p, float32 ``(H, W)``, from 0 to 1. The value
-        µ_min(p) is the least error of all range blocks that contain p, so it never exceeds the
-        value in ``mean``.
+        µ_min(p) is the least error of all range blocks that contain p, and never exceeds the mean
+        error µ̃(p).
     domain : best side D of domain blocks at each pixel p, float32 ``(H, W)``, px. Among the range
-        blocks that contain p and are not flat, the block with the least error determines D. If the
-        errors of several D differ by at most `RESOLUTION`, the smallest D wins. The value D is NaN
-        if all range blocks that contain p are flat.
-    curve : mapping from each side D, in ascending order, to the mean of µ(R, D) over all R.
+        blocks that contain pixel p and are not flat, the range block with the least error
+        determines the side D at p. If the errors of several sides D of domain blocks differ by at
+        most `RESOLUTION`, the smallest of these sides wins. The side D at pixel p is NaN if all
+        range blocks that contain p are flat.
+    curve : mapping from each side D of domain blocks, in ascending order, to the mean error µ(R, D)
+        over all range blocks R.
     seconds : wall time of the search, seconds.
 
     If ``normalise`` is "variance", the error µ of a flat range block is undefined. For "variance",
-    the attributes ``mean``, ``least`` and ``curve`` omit flat blocks; these attributes are NaN if
-    all blocks are flat.
+    the attributes ``mean``, ``least`` and ``curve`` omit flat blocks, and are NaN if all blocks are
+    flat.
     """
 
     city: CityMap
@@ -61,7 +63,8 @@ class FreeBlockMaps:
     """Maps that show how similar a city is to itself, for range blocks of several sizes.
 
     city : map that was searched.
-    least : least error µ_min(p) at each pixel p over all sides B, float32 ``(H, W)``, from 0 to 1.
+    least : least error µ_min(p) at each pixel p over all sides B of range blocks, float32 ``(H,
+        W)``, from 0 to 1.
     largest : largest side B_max(p) whose error exceeds ``least`` by at most `RESOLUTION` at pixel
         p, float32 ``(H, W)``, px.
     likeness : product (1 − µ_min(p))·B_max(p) at each pixel p, float32 ``(H, W)``, px.
@@ -102,17 +105,18 @@ def autosimilarity_maps(
     normalise : divisor of the mean square error of a range block. With "heights", the divisor is
         the square of the map's range of heights. With "heights", a single tower makes µ small on
         the whole map. With "variance", the divisor is the variance of the range block. With
-        "variance", the error µ is 1 − ρ², the unexplained share of the variance, and flat blocks
-        are omitted.
+        "variance", flat blocks are omitted, and the error µ is the unexplained share 1 − ρ² of the
+        variance, with ρ the correlation.
     threads : number of threads, or None for all cores; the result is the same for any number.
-    progress : function to call during the search with two numbers, the work done and all work.
+    progress : function to call during the search with two numbers: the amount of work that is done,
+        and the total amount of work.
 
     Raises
     ------
     GenomeError : a parameter is out of bounds, or the map is smaller than a domain block.
 
-    The time grows with the fourth power of the map's side, and with the number of sides D. The
-    memory of the search does not grow with the map.
+    The search time grows with the fourth power of the map's side, and with the number of sides D of
+    domain blocks. The memory of the search does not grow with the map.
     """
     block, domains = _check_sizes(city, block, domains, threads, normalise)
     work = Work(progress, pairs(city.shape, block, domains))
@@ -131,14 +135,15 @@ def free_block_maps(
     """Map the least error over several sides of range blocks, and the largest side that reaches
     this least error.
 
-    The search combines each side B in ``blocks`` (px) with all larger sides in ``domains`` (px). At
-    least one side in ``domains`` must exceed each side B in ``blocks``. If ``domains`` is None,
-    domain blocks have the side 2B. All other parameters work as in `autosimilarity_maps`.
+    The search combines each side B in ``blocks`` (px) with all sides in ``domains`` (px) that are
+    larger than B. At least one side in ``domains`` must exceed each side B in ``blocks``. If
+    ``domains`` is None, domain blocks have the side 2B. All parameters except `blocks` and
+    `domains` work as in `autosimilarity_maps`.
     """
     blocks = list(blocks)
     if not blocks:
         raise GenomeError(
-            "blocks = [] is empty",
+            "the list in the argument 'blocks' is empty",
             "at least one side of range blocks",
             "give sides in px, for example 4 and 8",
         )
@@ -180,8 +185,8 @@ def _check_sizes(city: CityMap, block, domains, threads, normalise) -> tuple[int
         extents = tuple(sorted({operator.index(extent) for extent in listed}))
     except TypeError as error:
         raise GenomeError(
-            f"{city.name}: {setting('block', block)} or {setting('domains', domains)} is not an "
-            "integer",
+            f"{city.name}: {setting('block', block)} or {setting('domains', domains)} has a side "
+            "that is not an integer",
             "one side of range blocks and at least one side of domain blocks, in whole pixels",
             f"give, for example, {keyword('block', 8)}, {keyword('domains', (16, 20, 24))}",
         ) from error

@@ -38,17 +38,17 @@ from evocity.views.buildings.segmentation import settled_zones
 class Decoding:
     """Attractor of a genome, and a report on the iteration that computed it.
 
-    city : decoded map; negative heights become 0, and roofs are flat if the decoding settles them.
-        The first access to ``city`` computes the map.
-    attractor : fixed point of W, metres, float32 ``(H, W)``, read-only. If range blocks would not
-        have whole numbers of pixels per side at this zoom, the heights are area means of a larger
-        fixed point.
-    iterations : number of applications of W.
-    converged : whether the last step changed every pixel by at most the tolerance.
-    change : largest change of a pixel in the last step, metres.
-    blamed : indices of the lifs whose range blocks still changed in the last step. Lifs with
-        \\|σ\\| ≥ 1 come first; the other lifs follow, with the largest change first. The array
-        ``blamed`` is empty after convergence.
+    city : decoded map, with 0 in place of negative heights, and with flat roofs if the decoding
+        makes roofs flat. The first access to ``city`` computes the map.
+    attractor : fixed point of the collage operator W, metres, float32 ``(H, W)``, read-only. If the
+        range blocks would not have whole numbers of pixels per side at the zoom, the heights are
+        area means of a fixed point at a larger zoom.
+    iterations : number of applications of the collage operator W.
+    converged : whether the last iteration changed every pixel by at most the tolerance.
+    change : largest change of a pixel in the last iteration, metres.
+    blamed : indices of the lifs whose range blocks still changed in the last step of a decoding
+        that did not converge. Lifs with \\|σ\\| ≥ 1 come first; all other lifs follow, with the
+        largest change first. The array ``blamed`` is empty if the decoding converged.
     """
 
     attractor: np.ndarray
@@ -64,14 +64,16 @@ class Decoding:
 
 
 class CollageMap:
-    """Collage operator W of a genome, which turns one map into another: W(I) = ∪ ω_i(I).
+    """Collage operator W of a genome: W(I) = ∪ ω_i(I) turns a map I into another map by the lifs
+    ω_i.
 
-    The definition follows Marsault 2002 §2.3. After each application, W restores the heights that
-    the condensation keeps. With a fractal zoom z, range blocks have the side zB, and maps are z
-    times as large. The side zB of every range block must be a whole number of pixels, 2 or more
-    (`legal_zoom`); otherwise the constructor raises `GenomeError`. If a domain block covers only a
-    part of a pixel, the pixel counts in proportion to this part. A zoom rounds the borders of the
-    condensation to whole pixels. W computes with numbers of the type ``dtype``, float32 or float64.
+    The definition of W follows Marsault 2002 §2.3. After each application of W, the condensation's
+    pixels get back their fixed heights. With a fractal zoom z, range blocks have the side zB, and
+    maps are z times as large. The side zB of every range block must be a whole number of pixels, 2
+    or more (`legal_zoom`); otherwise the constructor raises `GenomeError`. If a domain block covers
+    only a part of a pixel, this pixel counts in proportion to the covered part. If there is a zoom,
+    the borders of the condensation are rounded to whole pixels. The operator W computes with
+    numbers of the type ``dtype``, float32 or float64.
     """
 
     def __init__(self, genome: Genome, zoom: float = 1, dtype: type = np.float32):
@@ -122,14 +124,14 @@ class CollageMap:
 
     @property
     def kept(self) -> np.ndarray | None:
-        """Mask of the pixels that the condensation keeps, bool ``(H, W)``; None without a
+        """Mask of the pixels that the condensation fixes, bool ``(H, W)``; None without a
         condensation."""
         return None if self._layer is None else self._layer.mask
 
     @property
     def flat_start(self) -> np.ndarray:
-        """Result of W on bare ground: each range block has its height β, and the pixels of the
-        condensation keep their heights."""
+        """Result of applying W to bare ground: each range block has its height β, and the pixels of
+        the condensation keep their heights."""
         return self._flat.copy()
 
     def _condense(self, heights: np.ndarray) -> np.ndarray:
@@ -159,14 +161,15 @@ class CollageMap:
         return target
 
     def lay(self, heights: np.ndarray, target: np.ndarray) -> None:
-        """Apply W once to ``heights`` and write the result into ``target``. The arrays ``heights``
-        and ``target`` are ``(H, W)``, in C order, and have the ``dtype`` of W."""
+        """Apply the operator W once to the array ``heights``, and write the result into the array
+        ``target``. The arrays ``heights`` and ``target`` are ``(H, W)``, in C order, and have the
+        ``dtype`` of W."""
         target[:] = self._flat
         self.lay_again(heights, target)
 
     def lay_again(self, heights: np.ndarray, target: np.ndarray) -> None:
         """Apply W to ``heights``, and update only those pixels of ``target`` that depend on
-        ``heights``; the method `lay` must have filled ``target`` before."""
+        ``heights``; before this call, the method `lay` must have filled ``target``."""
         for (tall, wide, *shift), layer in zip(self._kinds, self._layers, strict=False):
             box_means(heights, tall, wide, layer)
             _shift(layer, *shift)
@@ -176,8 +179,9 @@ class CollageMap:
         self._condense(target)
 
     def transposed(self, values: np.ndarray) -> np.ndarray:
-        """Apply Wᵀ once to the array ``values``, ``(H, W)``, of the ``dtype`` of W. Wᵀ is the
-        adjoint of the linear part of W: ⟨W(a) − W(0), b⟩ = ⟨a, Wᵀ(b)⟩."""
+        """Apply the transposed operator Wᵀ once to the array ``values``, ``(H, W)``, of the
+        ``dtype`` of W. Wᵀ is the adjoint of the linear part of W: ⟨W(a) − W(0), b⟩ = ⟨a, Wᵀ(b)⟩ for
+        all maps a and b."""
         pixels, places = self.sources
         if self._steep is None:
             steep = self.pavement.raster(self._sigma).ravel()
@@ -228,25 +232,28 @@ def decode(
     start: np.ndarray | None = None,
     max_iterations: int = 500,
 ) -> Decoding:
-    """Decode a genome to a map: iterate W until no pixel changes by more than ``tolerance`` metres.
+    """Decode a genome to a map: iterate the collage operator W until no pixel changes by more than
+    ``tolerance`` metres.
 
-    The condensation keeps its exact heights in every iteration.
+    The condensation keeps its exact heights in every iteration of the decoding.
 
     Parameters
     ----------
-    settle : whether to make roofs flat. With flat roofs, each building takes its median height, and
-        ground becomes 0. Gaps and steps of height separate buildings
-        (`evocity.views.buildings.settled`). The heights of the condensation do not change. With
-        ``settle=False``, the result is the raw attractor, as in the papers, with fractal roofs. By
-        default, the genome's field ``settle`` decides; `evocity.encode` sets this field to True.
+    settle : whether to make the roofs of the decoded map flat. With flat roofs, each building takes
+        its median height, and ground becomes 0. Gaps and steps of height separate buildings
+        (`evocity.views.buildings.settled`). Flat roofs do not change the heights of the
+        condensation. With ``settle=False``, the result is the raw attractor, as in the papers, with
+        fractal roofs. By default, the genome's field ``settle`` decides; `evocity.encode` sets this
+        field to True.
     zoom : fractal zoom z, a number above 0 (Marsault 2005 §2.4). A zoom above 1 creates detail, and
-        a zoom below 1 simplifies. The map is decoded directly if zB is a whole number of pixels, 2
-        or more, for the side B of every range block. For another zoom, the map is decoded at the
-        next larger suitable zoom, and reduced by area means. With flat roofs, a reduced pixel takes
-        the most frequent height of its area instead of the mean.
-    tolerance : the iteration stops when no pixel changes by more than this height, metres.
-    start : initial heights of the iteration, float ``(zH, zW)``; None starts from flat range
-        blocks. The attractor does not depend on the initial heights.
+        a zoom below 1 removes detail. The map is decoded directly at the zoom z if zB is a whole
+        number of pixels, 2 or more, for the side B of every range block. At an unsuitable zoom, the
+        map is decoded at the next larger suitable zoom, and reduced by area means. With flat roofs,
+        a reduced pixel takes the most frequent height of its area instead of the mean.
+    tolerance : change of a pixel's height, metres; the iteration stops when no pixel changes by
+        more than the tolerance.
+    start : initial heights of the iteration at the zoom z, float ``(zH, zW)``; None starts from
+        flat range blocks. The attractor does not depend on the initial heights.
     max_iterations : largest number of iterations. A decoding that needs ``max_iterations``
         iterations has not converged.
 
@@ -257,8 +264,8 @@ def decode(
     """
     if not isinstance(genome, Genome):
         raise GenomeError(
-            f"a {type(genome).__name__} cannot be decoded",
-            "a Genome",
+            f"an object of the class {type(genome).__name__} cannot be decoded",
+            "an object of the class Genome",
             "encode a map first: evocity.encode(city).genome, or evocity.read_genome(path)",
         )
     if not (tolerance > 0 and max_iterations >= 1):
@@ -280,9 +287,10 @@ def decode(
     if start is None and not within:
         worst = int(np.argmax(np.abs(np.nan_to_num(genome.beta, nan=np.inf))))
         raise GenomeError(
-            f"the height β = {genome.beta[worst]:.3g} m in lifs {worst} is too large",
+            f"the height β = {genome.beta[worst]:.3g} m in lifs {worst} (code of one range "
+            "block) is too large",
             f"heights below {SKY:g} m",
-            "set the height β of this lifs to the height of a roof",
+            "correct the height β of this lifs, or encode the map again",
         )
     if not within:
         raise GenomeError(
@@ -387,8 +395,8 @@ def _raise_divergence(genome: Genome, collage: CollageMap, steps: np.ndarray, it
     blamed = _blame(genome, collage, steps, 0.0)
     listed = ", ".join(f"{i} (σ = {genome.sigma[i]:.2f})" for i in blamed[:5])
     raise GenomeError(
-        f"decoding diverges: after {iterations} steps a pixel changed by {np.nanmax(steps):.3g} m, "
-        f"and the cause lies in lifs {listed}{', …' if len(blamed) > 5 else ''}",
-        "a contractive code, in which nearly all lifs have a contrast σ with |σ| < 1",
-        "encode the map with sigma_max below 1, or lower the contrast σ of these lifs",
+        f"decoding diverges: in iteration {iterations} a pixel changed by {np.nanmax(steps):.3g} "
+        f"m, and the cause lies in lifs {listed}{', …' if len(blamed) > 5 else ''}",
+        "a contractive code: nearly all lifs (codes of one range block) have a contrast |σ| < 1",
+        "encode the map with 'sigma_max' below 1, or lower the contrast σ of these lifs",
     )

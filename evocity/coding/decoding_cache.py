@@ -78,15 +78,16 @@ _decodings = Decodings()
 def decoded(genome: Genome) -> Decoding:
     """Return ``decode(genome)`` from a cache of this process.
 
-    Equal genomes give the same `Decoding` object, whose ``city`` keeps the views that were
-    computed.
+    Equal genomes give the same `Decoding` object, and its attribute ``city`` computes each view of
+    the map only once.
 
     The result equals that of `decode` bit for bit. The cache holds `MOST_MAPS` decodings, or fewer
     if the maps are large. All arrays of the result are read-only.
 
     Raises
     ------
-    GenomeError : the decoding fails, as in `decode`. The cache does not keep errors of decoding.
+    GenomeError : the genome cannot be decoded; the causes are those of `decode`. The cache does not
+        keep errors of decoding.
     """
     return _decodings(genome)
 

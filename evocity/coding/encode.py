@@ -29,15 +29,17 @@ class Encoding:
 
     genome : code of the map.
     city : coded map, including the heights of the condensation.
-    collage_rmse : root mean square of the collage error ω(d) − r, metres.
-    uniform : number of range blocks that are coded as flat, without a search. A block is coded as
-        flat if the map is flat there, or if a condensation covers it completely.
+    collage_rmse : root mean square of the collage error ω(d) − r, metres, with ω the lifs, d the
+        domain block and r the range block.
+    uniform : number of range blocks that are coded as flat, without a search. A range block is
+        coded as flat if the map is flat there, or if a condensation covers the range block
+        completely.
     above : number of range blocks with a collage error above ``max_error``; 0 if ``max_error`` is
-        not given. Range blocks with a collage error above ``max_error`` have the smallest side, so
-        they cannot be split.
+        not given. Range blocks with a collage error above ``max_error`` have the smallest side, and
+        cannot be split further.
     pairs : number of comparisons in the search: range blocks × positions of domain blocks ×
-        isometries, over all sides.
-    seconds : wall time of the search, the fit and any compilation.
+        isometries, summed over the sides of range blocks.
+    seconds : wall time, in seconds, of the search, the fit and any compilation of code.
     """
 
     genome: Genome
@@ -80,23 +82,23 @@ def encode(
     §2.1).
 
     The range blocks are the leaves of a quadtree, larger where the city is simpler. First, the
-    search finds the best domain block for the leaves of each size. From the smallest side up, four
-    leaves merge into one larger leaf if this lowers the cost of the code. The cost of a code is its
-    collage error plus λ times its number of lifs.
+    search finds the best domain block for each possible leaf of the quadtree. From the smallest
+    side up, four leaves merge into one larger leaf if the merge lowers the cost of the code. The
+    cost of a code is its collage error plus a weight λ times its number of lifs.
 
     Parameters
     ----------
-    city : map to encode; its sides must be multiples of the largest range block's side.
+    city : map to encode; the sides of the map must be multiples of the largest range block's side.
     block : smallest and largest side of the range blocks, px; repeated halving of the largest side
-        must give the smallest. A single number is the side of all range blocks, px, 2 or more. If
-        ``block`` is None, range blocks have sides of 2 to 16 px. If 16 does not divide the sides
-        of the map, the largest range blocks are smaller.
+        must give the smallest side. If `block` is a single number, all range blocks have this side,
+        px, 2 or more. If ``block`` is None, range blocks have sides of 2 to 16 px. If 16 does not
+        divide the sides of the map, the largest range blocks are smaller.
     lifs : largest number of lifs, which determines the weight λ in the cost of a code; a simple map
         needs fewer lifs. By default, a code has at most one lifs for each 8 pixels of the map: 8192
         for 256 × 256 px.
-    max_error : largest collage error of a range block (root mean square, metres); it replaces
-        ``lifs``. Range blocks are as large as ``max_error`` allows. Range blocks of the smallest
-        side may exceed the limit ``max_error``, see `Encoding.above`.
+    max_error : largest collage error of a range block (root mean square, metres); this limit
+        replaces the limit ``lifs``. Range blocks are as large as the limit ``max_error`` allows.
+        Range blocks of the smallest side may exceed the limit ``max_error``, see `Encoding.above`.
     domains : sides of the domain blocks, as multiples of the side B of their range block. For
         example, with the value ``(2, 3)`` the search uses domain blocks with the sides 2B and 3B.
     reach : largest distance between the corners of a domain block and its range block, px along
@@ -106,15 +108,16 @@ def encode(
         below 1, decoding always converges.
     fit : whether to refine σ and β by `fit_attractor`. The search minimises the error of the
         collage, and the fit minimises the error of the decoded map. The fit raises the collage
-        error a little.
+        error a little above that of the search.
     settle : whether `decode` makes roofs flat by default, for this genome and its descendants.
-    topological : tolerance of the collage error, as a share of the range block's energy ‖r̃‖².
-        Among the domain blocks whose error is within the tolerance of the best, the block with the
-        most similar surroundings wins. The function `closest_neighbourhood` compares surroundings
-        (Marsault 2005 §2.1). With the tolerance 0, surroundings decide only between domain blocks
-        with equal errors, so the collage error does not grow. If ``topological`` is None, the
-        domain block with the lowest (D, y, x, iso) wins a tie. The sides of range blocks are chosen
-        before surroundings are compared.
+    topological : tolerance of the collage error, as a share of the energy ‖r̃‖², with r̃ the
+        heights of the range block minus their mean. Among the domain blocks whose error is within
+        the tolerance of the lowest error, the block with the most similar surroundings wins. The
+        function `closest_neighbourhood` compares surroundings (Marsault 2005 §2.1). With the
+        tolerance 0, surroundings decide only between domain blocks with equal errors, so the
+        collage error does not grow. If ``topological`` is None, the domain block with the lowest
+        side D, row y, column x and isometry iso, in this order, wins a tie. The search chooses the
+        sides of range blocks before it compares surroundings.
     condensation : fixed heights that decoding does not change, on a grid of the map's size. The
         search reads the map with the fixed heights, and skips range blocks that the condensation
         covers completely.
@@ -130,14 +133,15 @@ def encode(
     Raises
     ------
     GenomeError : a parameter is out of range, or the sides of the map do not suit ``block``. A
-        condensation that differs in size from the map raises GenomeError. If ``lifs`` is below the
-        number of largest leaves, or is given together with ``max_error``, the function raises
-        GenomeError. If ``sigma_max`` is 1 or more, a code that diverges can raise GenomeError.
+        condensation that differs in size from the map raises GenomeError. If ``lifs`` is smaller
+        than the number of largest leaves, or is given together with ``max_error``, the function
+        raises GenomeError. If ``sigma_max`` is 1 or more, a code that diverges can raise
+        GenomeError.
     """
     if not isinstance(city, CityMap):
         raise GenomeError(
-            f"a {type(city).__name__} cannot be encoded",
-            "a CityMap",
+            f"an object of the class {type(city).__name__} cannot be encoded",
+            "an object of the class CityMap",
             "read a map first: evocity.read_map(path or bundled name)",
         )
     coding = Coding(reach, domains, sigma_max)
@@ -203,7 +207,7 @@ def _lay(condensation: Condensation, city: CityMap) -> np.ndarray:
         raise GenomeError(
             f"{spell(condensation)} does not fit the map {city.name}, which has {city.shape[0]} × "
             f"{city.shape[1]} px",
-            "a Condensation with the size of the map",
+            "an object of the class Condensation that has the size of the map",
             "make the Condensation from this map: Condensation.cut(city, mask)",
         )
     return condensation.laid(city.heights)

@@ -26,8 +26,9 @@ _MOST_STEPS = 500
 def psnr(original: CityMap, decoded: CityMap) -> float:
     """Compute the peak signal-to-noise ratio, dB: 10 log₁₀(peak² / mean squared difference).
 
-    The peak is the highest roof of the original. Equal maps give inf. If the original is all
-    ground, a map with buildings gives -inf. Raises `MapError` if the maps have different grids.
+    The peak of the formula is the height of the highest roof of the original. If both maps are
+    equal, the result is inf. If the original is all ground, a map with buildings gives -inf. Raises
+    `MapError` if the maps differ in the number or the size of their pixels.
     """
     same_grid([original, decoded])
     difference = original.heights.astype(np.float64) - decoded.heights
@@ -64,7 +65,7 @@ def fit_attractor(
     -------
     Genome : genome with a higher PSNR, or the unchanged genome if the fit does not increase the
         PSNR. The entry ``made["fit"]`` holds the number of attractors tried, and the PSNR (dB)
-        before and after. The PSNR after a perfect fit is None.
+        before and after the fit. The PSNR after a perfect fit is None.
 
     Raises
     ------
@@ -73,7 +74,7 @@ def fit_attractor(
     """
     if not 1 <= evaluations < np.inf or int(evaluations) != evaluations:
         raise GenomeError(
-            f"evaluations = {evaluations} is out of range",
+            f"the parameter 'evaluations' has the value {evaluations}",
             "the number of attractors that the fit decodes, 1 or more",
             "leave the parameter 'evaluations' out to decode 60 attractors",
         )

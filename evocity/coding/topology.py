@@ -19,13 +19,16 @@ _UNSEEN = 1e-6
 class Candidates:
     """Candidate domain blocks for each of n range blocks.
 
-    The slice ``starts[i] : starts[i + 1]`` of each array below holds the candidates of range block
-    i. The candidates are sorted by (D, y, x, iso). The array ``starts`` has the type int64 and the
+    The slice ``starts[i] : starts[i + 1]`` of the arrays `multiple`, `y`, `x`, `iso`, `sigma` and
+        `beta` holds the candidates of range block i. The candidates of a range block are sorted by
+        the side D of the domain block, then by `y`, `x` and `iso`. The array ``starts`` has the
+        type int64 and the
     shape ``(n + 1,)``. A range block may have no candidates.
 
-    The arrays ``multiple`` (D/B, 1 or more), ``y``, ``x`` and ``iso`` (0…7) hold whole numbers. The
-    north-west pixel of the domain block is at row ``y`` and column ``x``. The arrays ``sigma`` and
-    ``beta`` (m) are float64, because float32 would not keep true ties.
+    The arrays ``multiple`` (side of the domain block / side of the range block, 1 or more), ``y``,
+    ``x`` and ``iso`` (0…7) hold whole numbers. The north-west pixel of the domain block is at row
+    ``y`` and column ``x``. The arrays ``sigma`` and ``beta`` (m) are float64, because float32 would
+    not keep true ties.
     """
 
     starts: np.ndarray
@@ -49,20 +52,21 @@ def closest_neighbourhood(
     """Choose for each range block the candidate with the most similar surroundings.
 
     Ring k is the set of pixels at distance k around a block. The distance of a pixel from a block
-    is the larger of its distances in rows and in columns. The ring of a domain block is transformed
-    like the block itself. The ring of a domain block is averaged over ``multiple`` × ``multiple``
-    pixels first. After this average, the isometry turns the whole square of side B + 2k. Finally,
-    the heights of the ring are multiplied by σ, and β is added.
+    is the larger of two distances: that in rows and that in columns. The ring of a domain block is
+    transformed like the block itself. Before the isometry, the ring of a domain block is averaged
+    over ``multiple`` × ``multiple`` pixels. After averaging, the isometry turns the whole square of
+    side B + 2k that ring k encloses, with B the side of the block. Finally, the heights of the
+    domain block's ring are multiplied by σ, and β is added.
 
-    The comparison begins with ring 1 and adds one ring after the other. After each ring, a
-    candidate drops out if its sum of squared differences exceeds the least sum of all candidates.
-    The comparison ends when only one candidate is left, when no candidate has pixels left, or after
-    ``rings`` rings. The first of the remaining candidates, with the lowest (D, y, x, iso),
-    wins.
+    The comparison begins with ring 1, and adds one ring in each step. After each ring, a candidate
+    drops out if its sum of squared differences exceeds the least sum of all candidates by more than
+    a tie. The comparison ends when only one candidate is left, when no candidate has pixels left,
+    or after the number ``rings`` of rings. Among the remaining candidates of a range block, the
+    first wins: the candidate with the lowest side D, row y, column x and isometry, in this order.
 
-    - A pixel counts only if it lies on the map in the surroundings of both blocks, the range block
-      and the domain block. A missing pixel of a ring counts as the mean of the ring's other pixels.
-      The border of the map therefore has no influence.
+    - A pixel of a ring counts only if it lies on the map both around the range block and around the
+      domain block. A missing pixel of a ring counts as the mean of the ring's other pixels. The
+      border of the map therefore has no influence on the choice of a candidate.
     - A candidate without pixels in a ring loses to candidates with pixels in that ring.
 
     Parameters
@@ -82,8 +86,9 @@ def closest_neighbourhood(
     candidates.
 
     The function computes in float64. Two sums of squared differences are a tie if they differ by at
-    most 1e-9 of the least sum. Two sums are a tie, too, if they differ per pixel by at most
-    (highest roof / 1 000 000)². Candidates with equal surroundings tie under any isometry.
+    most 1e-9 of the least sum. Two sums of squared differences are also a tie if they differ per
+    pixel by at most (highest roof / 1 000 000)². Candidates with equal surroundings tie under any
+    isometry.
     """
     top, left = (np.asarray(corner, np.int64) for corner in corners)
     heights = np.asarray(heights, np.float64)

@@ -15,7 +15,7 @@ COUNTS = ("pixels", "domains", "ranges")
 
 @dataclass(frozen=True, eq=False)
 class Usage:
-    """Counts of copies: each lifs copies (calls) a domain block with all its pixels (Marsault 2002
+    """Numbers of copies: each lifs copies (calls) a domain block with all its pixels (Marsault 2002
     §5.5).
 
     genome : code of n lifs on ``(H, W)`` pixels.
@@ -63,8 +63,8 @@ def usage(genome: Genome) -> Usage:
     """Count how many lifs of a genome copy each domain block, and each pixel.
 
     In genomes from a search of the whole map, most lifs copy one of a few domain blocks. Pixels of
-    a condensation count like all other pixels. The count takes about 3 ms for 256 × 256 px and B =
-    4; `Usage.domains` takes another 3 ms.
+    a condensation count like all other pixels. The count takes about 3 ms for 256 × 256 px and
+    range blocks of 4 px; the attribute `Usage.domains` takes another 3 ms.
     """
     called = np.flatnonzero(~genome.uniform)
     corners = [getattr(genome, name)[called].astype(np.int32) for name in ("y", "x", "dy", "dx")]
@@ -78,7 +78,7 @@ def usage(genome: Genome) -> Usage:
 
 
 def low_pass(genome: Genome, f_c: float, *, count: str = "pixels") -> Genome:
-    """Lower pixels to ground if the genome copies them more often than the cut frequency f_c.
+    """Lower those pixels to ground that the genome copies more often than the cut frequency f_c.
 
     A condensation keeps the lowered pixels at ground in every iteration, so the attractor changes.
     A range block becomes flat, at its height β, if the filter lowers its domain block. A high f_c
@@ -88,18 +88,19 @@ def low_pass(genome: Genome, f_c: float, *, count: str = "pixels") -> Genome:
     ----------
     f_c : cut frequency, a number of copies, 0 or more; infinity changes nothing. The papers show
         results for f_c = 1, 10 and 100.
-    count : the kind of count that each pixel has, by the name of a map of `Usage`; the filter
-        compares this count with f_c. With "pixels", the count of a pixel is the number of lifs that
-        copy this pixel (2002). With "domains", the count of a pixel is the number of lifs that copy
-        the most copied domain block around the pixel. With "ranges", the count of a pixel is the
-        number of lifs that copy the domain block of its range block (2005). With ``count`` =
-        "ranges" and f_c = 0, only uniform range blocks stay.
+    count : name of the pixel count that the filter compares with f_c: "pixels", "domains" or
+        "ranges", as the maps of `Usage`. With "pixels", the count of a pixel is the number of lifs
+        that copy this pixel (Marsault 2002). With "domains", the count of a pixel is the number of
+        lifs that copy the most copied domain block that contains the pixel. With "ranges", the
+        count of a pixel is the number of lifs that copy the domain block of the pixel's range block
+        (Marsault 2005). With ``count`` = "ranges" and f_c = 0, the filter keeps only uniform range
+        blocks.
 
     Returns
     -------
-    Genome : genome with the same lifs and a condensation of ground; decode it for the filtered map.
-        The condensation of the given genome stays. If no pixel has a count above f_c, the result is
-        the unchanged genome.
+    Genome : genome with unchanged lifs and a condensation of ground; decode this genome for the
+        filtered map. The filtered genome also keeps the condensation of the given genome. If no
+        pixel has a count above f_c, the result is the unchanged genome.
 
     Raises
     ------
@@ -110,26 +111,26 @@ def low_pass(genome: Genome, f_c: float, *, count: str = "pixels") -> Genome:
 
 
 def high_pass(genome: Genome, f_c: float, *, count: str = "pixels") -> Genome:
-    """Lower pixels to ground if the genome copies them less often than the cut frequency f_c.
+    """Lower those pixels to ground that the genome copies less often than the cut frequency f_c.
 
     The filter `high_pass` is the counterpart of `low_pass`; Marsault 2002 §5.5 compares both
-    filters. Pixels that are copied f_c times or more stay. A range block becomes flat if the filter
-    lowers its domain block. If `low_pass` and `high_pass` have the same ``count`` and f_c, each
-    pixel survives at least one of the two filters. The filters `low_pass` and `high_pass` in
-    sequence leave a band of frequencies.
+    filters. Pixels that the genome copies f_c times or more stay unchanged. A range block becomes
+    flat if the filter lowers its domain block. If `low_pass` and `high_pass` have equal arguments
+    ``count`` and f_c, each pixel survives at least one of the two filters. The filters `low_pass`
+    and `high_pass` in sequence leave a band of frequencies.
 
     Parameters
     ----------
-    f_c : cut frequency, a number of copies, 0 or more. The value 0 changes nothing, 1 keeps all
-        pixels that are copied, and infinity lowers the whole map to ground.
-    count : the kind of count that each pixel has, as in `low_pass`; the filter compares this count
-        with f_c. With ``count`` = "ranges", uniform range blocks have the count 0, so the filter
-        lowers them first.
+    f_c : cut frequency, a number of copies, 0 or more. The value f_c = 0 changes nothing, f_c = 1
+        keeps all pixels that are copied, and infinity lowers the whole map to ground.
+    count : name of the pixel count that the filter compares with f_c: "pixels", "domains" or
+        "ranges", as in `low_pass`. With ``count`` = "ranges", uniform range blocks have the count
+        0, so the filter lowers them first.
 
     Returns
     -------
-    Genome : filtered genome, as in `low_pass`. If no pixel has a count below f_c, the result is the
-        unchanged genome.
+    Genome : filtered genome, of the form that `low_pass` returns. If no pixel has a count below
+        f_c, the result is the unchanged genome.
 
     Raises
     ------

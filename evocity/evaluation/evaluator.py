@@ -297,9 +297,9 @@ def _written(made: dict) -> dict:
         return dict(from_json(json.dumps(made, default=plain)))
     except (TypeError, ValueError, RecursionError) as error:
         raise OperatorError(
-            f"the record `made` of a birth cannot be written as JSON ({type(error).__name__}: "
-            f"{error})",
+            "the record of a birth, with the key 'made', cannot be written as JSON "
+            f"({type(error).__name__}: {error})",
             "a dictionary with texts as keys, and with numbers, texts, lists or dictionaries as "
             "values",
-            "change the operator to record such values, for example str(key) in place of a tuple",
+            "change the operator: record only such values, for example str(key) instead of a tuple",
         ) from error

@@ -51,7 +51,7 @@ def require_open_files() -> None:
     if hard != resource.RLIM_INFINITY and hard < _FILES:
         raise RunError(
             f"this process may open only {hard} files",
-            f"at least {_FILES}: worker processes need them",
+            f"at least {_FILES} open files, because worker processes need these files",
             f"raise the limit, for example with: ulimit -n {4 * _FILES}; or use no workers",
         )
     resource.setrlimit(resource.RLIMIT_NOFILE, (_FILES, hard))

@@ -26,10 +26,12 @@
 - `fabric`: distance to the shapes of buildings of other cities: `fabric_distance`
 - `neighbours`: differences from the nearest points: `mean_over_neighbours`
 - `energy`: mean distances of tables of features: `mean_distance`
+- `likeness`: distance to the pictures of other cities: `picture_likeness`
 - `streets`: distance to the plans of streets of other cities: `street_distance`
 - `fronts`: façades on common lines along streets: `frontage`
 - `types`, `type_table`: building types by a table of limits, `TypeTable`: `building_types`,
   `types_of`, `type_distance`; classes of objects on a map: `object_classes`, `object_counts`
+- `cuts`: buildings cut only along streets: `integrity_along_fronts`
 - `heredity`: what a child keeps: `integrity`, `whole_buildings`, `heritability`,
   `smallest_share`, `source_shares`
 - `curves`: curves and shapes of runs that breed these: `curve_length`, `sinuosity`,

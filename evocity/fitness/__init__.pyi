@@ -13,6 +13,7 @@ from .curves import shape_cover as shape_cover
 from .curves import shape_dimension as shape_dimension
 from .curves import simplicity as simplicity
 from .curves import sinuosity as sinuosity
+from .cuts import integrity_along_fronts as integrity_along_fronts
 from .density import fsi as fsi
 from .density import gsi as gsi
 from .density import mean_height as mean_height
@@ -32,6 +33,7 @@ from .heredity import integrity as integrity
 from .heredity import smallest_share as smallest_share
 from .heredity import source_shares as source_shares
 from .heredity import whole_buildings as whole_buildings
+from .likeness import picture_likeness as picture_likeness
 from .measure import EXTRAS as EXTRAS
 from .measure import Family as Family
 from .measure import Measure as Measure

@@ -43,7 +43,8 @@ class Constraint:
             )
 
     def violation(self, value: float) -> float:
-        """Compute how far ``value`` lies outside the bounds; 0 means inside.
+        """Compute how far ``value`` lies outside the bounds; the result is 0 for a value within the
+        bounds.
 
         The unit of a violation is the distance between the two bounds. With a single bound, the
         unit is the bound's absolute value, or 1 if the bound is 0.
@@ -85,7 +86,7 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Aims:
-    """The aims of all measures of a search, in the order of the recipe.
+    """The aims of all measures of a search, in the order of the recipe's entries.
 
     >>> from evocity.fitness import crumbs, fsi, gsi
     >>> aims = Aims((
@@ -129,7 +130,7 @@ class Aims:
         return frozenset(aim.measure.name for aim in self.wanted if aim.objective is None)
 
     def reweighted(self, weights: Mapping[str, float]) -> "Aims":
-        """Return a copy of these aims with new ``weights``; the argument maps names of measures to
+        """Return a copy of the aims with new ``weights``, a mapping from names of measures to
         weights. The method ignores measures that do not belong to a weighted sum."""
         return Aims(
             tuple(
@@ -147,7 +148,7 @@ class Aims:
 
     def losses(self, values: Mapping[str, float]) -> tuple[float, ...]:
         """Compute one loss for each objective from raw ``values``. All losses are finite, and lower
-        losses are better.
+        losses are better than higher losses.
 
         A measure without a value has the worst loss.
         """

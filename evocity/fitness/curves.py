@@ -69,11 +69,11 @@ def curve_dimension(curve) -> float:
 
 @fitness(of="curve", goal="max", range=(0, 1))
 def simplicity(curve) -> float:
-    """Simplicity of the curve: 1 for a straight line, and 1/k for a line of k straight pieces.
+    """Simplicity of the curve: 1 for a straight line, and 1/k for a line of k straight segments.
 
-    Formula: 1 / k, with k the number of straight pieces after simplification by Douglas and
-    Peucker's method. The tolerance is a hundredth of the curve's extent. Range: above 0 to 1.
-    Source: Douglas & Peucker 1973.
+    Formula: 1 / k, with k the number of straight segments after simplification by Douglas and
+    Peucker's method. The tolerance of the simplification is a hundredth of the curve's extent.
+    Range: above 0 to 1. Source: Douglas & Peucker 1973.
     """
     import shapely
 
@@ -121,8 +121,8 @@ def buildings_near_course(site) -> float:
     """Share of the buildings that lie within 50 m of a course, such as a river through the site.
 
     Formula: number of buildings with a pixel within 50 m of a course / number of all buildings, on
-    the map with its courses. Distances are measured between the centres of pixels. Range: 0 to 1.
-    The measure is undefined for a site without buildings.
+    the site's map with its courses. Distances are measured between the centres of pixels. Range: 0
+    to 1. The measure is undefined for a site without buildings.
     Source: none needed.
     """
     labels = site.city.building_labels
@@ -136,9 +136,9 @@ def buildings_near_course(site) -> float:
 def area_within_reach(site) -> float:
     """Area of the built ground within 50 m of a course, such as a river through the site.
 
-    Formula: n · a on the map with its courses, with n the number of built pixels within 50 m of a
-    course, and a the area of a pixel. Distances are measured between the centres of pixels. Unit:
-    m². Source: none needed.
+    Formula: n · a on the site's map with its courses, with n the number of built pixels within 50 m
+    of a course, and a the area of a pixel. Distances are measured between the centres of pixels.
+    Unit: m². Source: none needed.
     """
     return np.count_nonzero(site.city.built & _near(site)) * site.metres_per_pixel**2
 

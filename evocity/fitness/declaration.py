@@ -31,7 +31,7 @@ def check_function(function) -> tuple[tuple[str, ...], tuple[str, ...]]:
     except TypeError as error:
         raise FitnessError(
             f"{function.__name__}{signature}: {error}",
-            f"the parameter city first, then only optional parameters: {', '.join(EXTRAS)}",
+            f"the parameter 'city' first, then only optional parameters: {', '.join(EXTRAS)}",
             "remove all other parameters, or give them default values",
         ) from None
     return needs, takes
@@ -46,7 +46,7 @@ def check_numbers(numbers: Sequence[str]) -> tuple[str, ...]:
         raise FitnessError(
             f"numbers = {numbers!r} is not a list of different names",
             'names of the numbers that the function returns, for example ("count", "tallest")',
-            "leave numbers out if the function returns one number",
+            "leave the parameter 'numbers' out if the function returns one number",
         )
     return names
 
@@ -103,5 +103,5 @@ def check_names(data: str | Sequence[str]) -> tuple[str, ...]:
     raise FitnessError(
         f"data = {shown(data)} is not a list of data files",
         'files in the folder of the Python file, or in a folder within it, for example "trees.csv"',
-        "give the paths of the files, relative to that folder, with / between folders",
+        "give the paths of the files, relative to the Python file, with / between folders",
     )

@@ -48,7 +48,7 @@ def fsi(city: CityMap) -> float:
 def osr(city: CityMap) -> float:
     """Open space ratio: open ground per unit of floor area.
 
-    A low ratio means that many floors share little open ground.
+    A low open space ratio means that many floors share little open ground.
 
     Formula: (1 − GSI) / FSI, with GSI and FSI the measures `gsi` and `fsi`. Unit: none. Range: 0
     (no open ground) upwards. Empty map: NaN (nothing is built). Source: Berghauser Pont & Haupt,
@@ -89,7 +89,7 @@ def mean_height(city: CityMap) -> float:
 
     Formula: Σ h / n over the n built pixels, with h the height of a pixel.
     Unit: metres. Range: above 0. Empty map: NaN (nothing is built).
-    Source: a plain mean.
+    Source: a plain mean of heights.
 
     >>> heights = np.zeros((8, 8))
     >>> heights[:4, :4] = 9

@@ -30,20 +30,20 @@ BINS = 9
 
 @fitness(goal="max", range=(0, 1), any_site=True)
 def alignment(city: CityMap) -> float:
-    """Share of façades that are parallel or perpendicular to the façades around them.
+    """Share of façades that are parallel or perpendicular to their neighbouring façades.
 
     Formula: Σ \\|G ∗ (w e^{4iθ})\\| / Σ G ∗ w over the map, with θ the angle of the gradient ∇h of
     the heights h, w = \\|∇h\\|² its weight, G a Gaussian window (σ = 24 m, cut at 2σ), and ∗ a
     convolution. The factor 4 makes two directions equal if they differ by a quarter turn. Façades
-    on a raster look like staircases. A binomial filter (σ = √2 px) therefore smooths the gradient
-    first, and afterwards the square of the gradient, w e^{2iθ}. In the smoothed square of the
-    gradient, w is the length, and θ is half the angle. Unit: none. Range: 0 (façades in all
-    directions everywhere) to 1 (two perpendicular directions in every neighbourhood). The two
-    perpendicular directions may differ between neighbourhoods. A regular grid of blocks has a value
-    of about .8 because of its corners and of the raster; coarse pixels lower the value slightly.
-    Empty map: NaN, like every map without steps of height, because it has no façades. Source:
-    Marsault 2002 proposes this measure, but gives no formula. The formula is ours, a circular mean
-    of fourfold symmetry over the structure tensor of Bigün & Granlund (1987).
+    on a raster look like staircases. A binomial filter (σ = √2 px) smooths first the gradient, and
+    then the square of the gradient, w e^{2iθ}. In the smoothed square of the gradient, w is the
+    length, and θ is half the angle. Unit: none. Range: 0 (façades in all directions everywhere) to
+    1 (two perpendicular directions in every neighbourhood). The two perpendicular directions may
+    differ between neighbourhoods. A regular grid of blocks has a value of about .8 because of its
+    corners and of the raster; coarse pixels lower the value slightly. Empty map: NaN, like every
+    map without steps of height, because it has no façades. Source: Marsault 2002 proposes this
+    measure, but gives no formula. The formula is evocity's own: a circular mean of fourfold
+    symmetry over the structure tensor of Bigün & Granlund (1987).
 
     >>> y, x = np.mgrid[:64, :64]
     >>> walls, tower = 9 * (x // 8 % 2), 9 * (np.hypot(x - 32, y - 32) < 15)
@@ -72,8 +72,9 @@ def alignment_global(city: CityMap) -> float:
     w its weight, as in `alignment`. Streets that turn gradually give a high `alignment` and a low
     `alignment_global`. Unit: none. Range: 0 (façades in all directions) to 1 (two perpendicular
     directions everywhere). Empty map: NaN, like every map without steps of height, because it has
-    no façades. Source: our own formula, like that of `alignment`. The formula is the mean resultant
-    length (Mardia & Jupp 2000, §2.3) of the angles times four.
+    no façades. Source: our own formula, which uses the angles and weights of the measure
+    `alignment`. The formula is the mean resultant length (Mardia & Jupp 2000, §2.3) of the angles
+    times four.
 
     >>> y, x = np.mgrid[:64, :64]
     >>> walls, tower = 9 * (x // 8 % 2), 9 * (np.hypot(x - 32, y - 32) < 15)
@@ -95,9 +96,9 @@ def alignment_neighbours(city: CityMap) -> float:
 
     Formula: mean of min(d, 90 − d) over all buildings i of 24 m² or more and their 6 nearest
     neighbours j, with d = \\|θ_i − θ_j\\| mod 90, and θ the direction of a building's walls
-    (`CityMap.buildings`). Each building has the same weight. Distances between buildings are
-    measured from centroid to centroid. All neighbours at the distance of the sixth neighbour count,
-    too. On a map of few buildings, fewer than 6 neighbours count. Unit: degrees. Range: 0
+    (`CityMap.buildings`). Each building has the same weight. Distances between buildings run from
+    centroid to centroid. If several buildings are as near as the sixth neighbour, all of them count
+    as neighbours. On a map of few buildings, fewer than 6 neighbours count. Unit: degrees. Range: 0
     (neighbours parallel or perpendicular) to 45; random directions have the value 22.5. Empty map:
     NaN, like every map of fewer than two buildings. Use pixels of 1 m or less, because the
     direction of a building of few pixels is uncertain. Source: our own variant of momepy's
@@ -115,16 +116,19 @@ def alignment_neighbours(city: CityMap) -> float:
 
 @fitness(unit="°", range=(0, 45), any_site=True)
 def alignment_momepy(city: CityMap) -> float:
-    """Alignment of buildings as momepy defines it, for comparison with the values of other studies.
+    """Alignment of buildings by momepy's definition, for comparison with the values of other
+    studies.
 
     Formula: mean of \\|o_i − o_j\\| over all buildings i and their 6 nearest neighbours j, with o =
     \\|((θ + 45) mod 90) − 45\\| the angle between a building's direction θ and the axes to the
-    north and east. Neighbours are those of `alignment_neighbours`. The formula ignores the sign of
-    the angle o: walls turned by +10° and walls turned by −10° count as aligned. Do not use this
-    measure as the goal of a search. Unit: degrees. Range: 0 to 45. Empty map: NaN, like every map
-    of fewer than two buildings. Use pixels of 1 m or less, as for `alignment_neighbours`. Source:
-    Fleischmann 2019 (JOSS 4:1807), momepy.alignment of momepy.orientation. Momepy takes the
-    direction of the smallest rectangle around the building.
+    north and east. The neighbours of a building are those of the measure `alignment_neighbours`.
+    The formula ignores the sign of the angle o: walls turned by +10° and walls turned by −10° count
+    as aligned. The measure `alignment_momepy` is not suitable as the goal of a search. Unit:
+    degrees. Range: 0 to 45.
+    Empty map: NaN, like every map of fewer than two buildings. Use pixels of 1 m or less, as for
+    `alignment_neighbours`. Source: Fleischmann 2019 (JOSS 4:1807), momepy.alignment of
+    momepy.orientation. Momepy defines the direction of a building as the direction of the smallest
+    rectangle around the building.
 
     >>> heights = np.zeros((64, 128))
     >>> heights[16:48, 8:40] = 9
@@ -142,18 +146,18 @@ def alignment_momepy(city: CityMap) -> float:
 
 @fitness(range=(0, 1), any_site=True)
 def orientation_order(city: CityMap) -> float:
-    """How strongly the walls of the whole map keep to a few directions.
+    """How strongly the walls of the whole map concentrate on a few directions.
 
     Formula: φ = 1 − ((H − ln 4)/(ln 36 − ln 4))², with H = −Σ p ln p the entropy of 36 bins of 10°,
-    and p the share of a bin in the length of all walls. The first bin is centred on east. A
-    building adds a quarter of its perimeter to each of four perpendicular directions, one of which
-    is the direction of its walls (`CityMap.buildings`). Each building therefore fills 4 bins
-    equally, and H − ln 4 is the entropy of 9 bins. Unit: none. Range: 0 (equal lengths in all
+    and p the share of a bin in the length of all walls. The first of the 36 bins is centred on
+    east. A building adds a quarter of its perimeter to each of four perpendicular directions, one
+    of which is the direction of its walls (`CityMap.buildings`). Each building fills 4 of 36 bins
+    equally, so H − ln 4 is the entropy of 9 bins. Unit: none. Range: 0 (equal lengths in all
     directions) to 1 (a grid of two perpendicular directions). A grid with a direction between two
-    bins, for example at 5°, fills both bins and has the value .90. Empty map: NaN, like every map
-    in which no building of 24 m² or more has a direction. Use pixels of 1 m or less, as for
-    `alignment_neighbours`. Source: Boeing 2019 (Applied Network Science 4:67), who applies the
-    formula to streets; here it applies to walls.
+    bins, for example at 5°, fills both of these bins and has the value .90. Empty map: NaN, like
+    every map in which no building of 24 m² or more has a direction. Use pixels of 1 m or less, as
+    for `alignment_neighbours`. Source: Boeing 2019 (Applied Network Science 4:67), who applies the
+    formula to streets; this measure applies the formula to walls.
 
     >>> y, x = np.mgrid[:256, :256]
     >>> grid = 9 * ((x % 32 > 8) & (y % 32 > 8))

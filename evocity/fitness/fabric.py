@@ -36,32 +36,34 @@ def fabric_distance(
     """Distance between the shapes of the map's buildings and those of buildings in other cities;
     similar shapes give about 0.
 
-    Five features count for each building of 24 m² or more: logarithm of the area, elongation,
+    Each building of 24 m² or more has five features: logarithm of the area, elongation,
     rectangularity, convexity, and share of party walls. Gaps and steps of height separate
-    buildings. The function returns three further distances, each with one additional feature. The
-    number `fabric_distance.roughness` adds the standard deviation of the heights within a building.
-    The number `fabric_distance.height` adds the mean height of a building. The number
-    `fabric_distance.direction` adds the direction of the walls, as cos 4θ and sin 4θ, so that
-    perpendicular walls have one direction.
+    buildings. The function returns three further numbers: distances with one additional feature
+    each. The number `fabric_distance.roughness` adds one feature to the distance: the standard
+    deviation of the heights within a building. The number `fabric_distance.height` adds one feature
+    to the distance: the mean height of a building. The number `fabric_distance.direction` adds one
+    feature to the distance: the direction of the walls, as cos 4θ and sin 4θ, so that perpendicular
+    walls have one direction.
 
     The reference is one city, or several cities with weights. Each building has the weight of its
-    city, divided by the number of buildings in this city. If the reference holds the source cities
-    of a run, the genome gives the weight of each city. The weight of a city is the built ground of
-    the map that comes from the city, divided by all built ground of the city. A map made of whole
-    buildings of its source cities therefore has a distance of about 0.
+    city, divided by the number of the city's buildings. If the reference holds the source cities of
+    a run, the genome gives the weight of each city. The weight of a city is the built ground of the
+    map that comes from the city, divided by all built ground of the city. A map made of whole
+    buildings of its source cities has a distance of about 0 from these cities.
 
     The measure divides each feature by its standard deviation in the reference, with equal weights
-    for all cities. The unit of the distance is therefore the same for every map. A feature that has
-    the same value in all buildings of the reference does not count.
+    for all cities. The unit of the distance is the standard deviation, which is the same for every
+    map. A feature that has the same value in all buildings of the reference does not count.
 
     Formula: 2 E\\|X − Y\\| − E\\|X − X′\\| − E\\|Y − Y′\\|, with E the mean over pairs, X and X′
-    two different buildings of the city, and Y and Y′ two of the reference. The estimate is
-    unbiased: a map compared with itself has a value slightly below 0. Unit: none; features count in
-    standard deviations of the reference. Two parts of one real city have a distance of about .05;
-    the distance between Montpellier and Lyon is 1.1. Range: from slightly below 0 upwards.
-    Empty map: NaN. The distance is NaN if the map or the reference has fewer than 20 buildings.
-    Source: energy distance, Székely & Rizzo 2013 (Journal of Statistical Planning and Inference
-    143:1249-1272); "statistical distributions extracted from real cities", Marsault 2005 §4.2.
+    two different buildings of the city, and Y and Y′ two different buildings of the reference. The
+    estimate is unbiased: a map compared with itself has a value slightly below 0. Unit: none;
+    features count in standard deviations of the reference. Two parts of one real city have a
+    distance of about .05; the distance between Montpellier and Lyon is 1.1. Range: from slightly
+    below 0 upwards. Empty map: NaN. The distance is NaN if the map or the reference has fewer than
+    20 buildings. Source: energy distance, Székely & Rizzo 2013 (Journal of Statistical Planning and
+    Inference 143:1249-1272); "statistical distributions extracted from real cities", Marsault 2005
+    §4.2.
 
     >>> lyon = evocity.read_map("lyon-1er")
     >>> round(fabric_distance(evocity.read_map("montpellier-pas-du-loup"), reference=lyon), 1)

@@ -26,19 +26,21 @@ _SEEN = 8.0
 def frontage(city: CityMap) -> float:
     """Share of the façades toward a street that lie within 3 m of a common line.
 
-    A front is all façades on one side of an edge of the street graph. The graph contains streets
-    and alleys of 4 m or more, as for `street_distance`. Viewpoints lie on the middle line of the
-    street, 2 m apart. From each viewpoint, one ray goes to each side, square to the street. The
-    first wall on a ray is a façade, if it is nearer than half the median width of the street plus
-    12 m. The line of a front has the direction in which its façades scatter most. A front of fewer
-    than 10 façades does not count.
+    A street front is the set of all façades on one side of an edge of the street graph. The street
+    graph contains streets and alleys of 4 m or more, as for `street_distance`. Viewpoints lie on
+    the middle line of the street, 2 m apart. From each viewpoint, one ray goes to each side, at a
+    right angle to the street. The first wall on a ray is a façade if its distance is less than half
+    the median width of the street plus 12 m. The line of a street front runs in the direction in
+    which the façades of the front scatter most. A street front of fewer than 10 façades does not
+    count.
 
-    Formula: Σ most / Σ façades over the fronts. The number of façades in that strip of 3 m along
-    the line which contains the most of them is called most.
-    Unit: none. Range: above 0, to 1 (each front stands in one strip). Lyon has .83, New York .77.
-    Children of many generations without selection have about .67.
-    Empty map: NaN, like every map without a front of 20 m.
-    Source: our own, after the street walls and setbacks of Araldi & Fusco 2019 (EPB 46:1243-1263).
+    Formula: Σ most / Σ façades over all street fronts, with most the largest number of façades of a
+    front in one strip. The strip is 3 m wide and runs along the line of the street front, where it
+    contains the most façades. Unit: none. Range: above 0, to 1 (all façades of each street front
+    lie in one strip). The map of Lyon has the value .83, and the map of New York has the value .77.
+    Children after many generations without selection have values of about .67. Empty map: NaN, like
+    every map without a street front of 20 m. Source: our own, after the street walls and setbacks
+    of Araldi & Fusco 2019 (EPB 46:1243-1263).
 
     >>> heights = np.full((80, 80), 9.0)
     >>> heights[40:45] = 0

@@ -49,13 +49,13 @@ def integrity(city: CityMap, genome: Genome, sources: Sequence[CityMap]) -> floa
     """Share of built ground that belongs to whole buildings of the source cities.
 
     Each range block of a genome shows a square of a source city, possibly turned or mirrored. A
-    building of a source city is whole if the map shows all its pixels under one isometry and one
-    translation. The place of the building on the map does not matter. A building counts as whole,
-    however many generations or range blocks carried it. Gaps and steps of height separate
-    buildings. Operators that cross groups of range blocks cut buildings at the edges of the groups;
-    the measure shows how many buildings stay whole. The function `evocity.fitness.whole_buildings`
-    lists the whole buildings with their places. The measure does not suit children of an
-    interpolation, because their lifs name only one of two parents.
+    building of a source city is whole if the map shows all pixels of the building under one
+    isometry and one translation. The place of the building on the map does not matter. A building
+    counts as whole, no matter how many generations it has passed through, or how many range blocks
+    it covers. Gaps and steps of height separate buildings. Crossover of groups of range blocks cuts
+    buildings at the edges of the groups; the measure shows how much stays whole. The function
+    `evocity.fitness.whole_buildings` lists the whole buildings with their places. The measure does
+    not suit children of an interpolation, because each of their lifs names only one of two parents.
 
     Formula: Σ area of whole buildings / Σ area of the pixels that show built pixels of a source
     city; a building that appears twice counts twice. Unit: none. Range: 0 to 1. Empty map: NaN (no
@@ -85,21 +85,23 @@ def integrity_of(genome: Genome, sources: Sequence[CityMap]) -> float:
 def smallest_share(
     city: CityMap, genome: Genome, sources: Sequence[CityMap] | None = None
 ) -> float:
-    """Share of the built ground that comes from the source city with the least of it.
+    """Share of the built ground that comes from the source city with the smallest share.
 
     The attribute `parent` of the genome names the source city of each range block. Only built
-    ground that comes from a source city counts, so added open ground and what stands on it does not
-    count. A crossing dies out if this share falls: such a city is a copy of one parent. Two cities
-    with equal shares have .5, three have .33.
+    ground that comes from a source city counts, without open ground that operators added and
+    buildings on it. If the smallest share falls to 0, the city is no longer a cross of its parents,
+    but a copy of one parent. With equal shares, the value is .5 for two source cities, and .33 for
+    three source cities.
 
-    The source cities are those that the genome names, and those of the run. In a run of two cities,
-    a map that comes from only one of them has 0; the codes of the source cities have 0 too. Without
-    ``sources``, only the cities that the genome names count: the code of a lone city then has 1.
+    The source cities are all cities that the genome or the run names. In a run of two cities, the
+    value is 0 for a map that comes from only one city, as for the codes of the source cities.
+    Without the argument ``sources``, only the cities that the genome names count, so the code of a
+    single city has the value 1.
 
-    Formula: min over the source cities of (built pixels from the city / built pixels from all).
-    Unit: none. Range: 0 (a source city is missing) to 1 (there is only one).
-    Empty map: NaN (nothing is built).
-    Source: our own.
+    Formula: minimum over the source cities of (number of built pixels from this city / number of
+    built pixels from all source cities).
+    Unit: none. Range: 0 (a source city is missing) to 1 (the genome and the run have only one
+    source city). Empty map: NaN (nothing is built). Source: our own.
 
     >>> lone = CityMap(np.pad(np.full((8, 16), 9.0), ((4, 20), (4, 12))), 2.0, name="lone")
     >>> code = evocity.encode(lone).genome
@@ -120,8 +122,8 @@ def source_shares(
     """Compute the share of each source city in the built ground of ``city``, by name.
 
     The shares sum to 1, or are all 0 if no built ground comes from a source city. The cities are
-    those that the ``genome`` names, in its order, and then those of ``sources``. About 0.2 ms at
-    256².
+    first those that the ``genome`` names, in the genome's order, and then those of ``sources``. The
+    function takes about 0.2 ms for 256 × 256 px.
     """
     parents = city.of_whole(genome.pavement.raster(genome.parent))[city.built]
     counts = np.bincount(parents, minlength=len(genome.cities))
@@ -205,7 +207,7 @@ def _copies(genome: Genome, sources: Sequence[CityMap]):
     ``(H, W)`` the number of the copy that each pixel shows, from 1, else 0.
     """
     p = genome.pavement
-    maps = _source_maps(genome, sources)
+    maps = source_maps(genome, sources)
     squares = np.array([*p.corners, p.side, *unpacked(genome.source), genome.turn], np.int64)
     shown = np.zeros((p.height, p.width), np.int32)
     traced, full, number = [np.empty((5, 0), np.int64)], [], []
@@ -234,7 +236,7 @@ def _trace(stones: np.ndarray, labels: np.ndarray, first: int, shown: np.ndarray
         room *= 4
 
 
-def _source_maps(genome: Genome, sources: Sequence[CityMap]) -> dict[int, CityMap]:
+def source_maps(genome: Genome, sources: Sequence[CityMap]) -> dict[int, CityMap]:
     """Find the map of each of the genome's cities that it has stones of, without the void."""
     named = {city.name: city for city in check_sources(sources)}
     stones = np.bincount(genome.parent, minlength=len(genome.cities))
@@ -242,7 +244,8 @@ def _source_maps(genome: Genome, sources: Sequence[CityMap]) -> dict[int, CityMa
     strange = {k: name for k, name in there.items() if name not in named}
     if strange:
         raise FitnessError(
-            f"{sum(stones[k] for k in strange)} lifs come from {', '.join(strange.values())}, but "
+            f"{sum(stones[k] for k in strange)} lifs (codes of one range block) come from "
+            f"{', '.join(strange.values())}, but "
             f"the sources are maps of {', '.join(named) or 'no city'}",
             "the maps of all source cities of the genome",
             "give all these maps as sources, with the names that the genome uses",
@@ -255,8 +258,8 @@ def _check_inside(stones: np.ndarray, city: CityMap) -> None:
     beyond = (row + side > city.shape[0]) | (column + side > city.shape[1])
     if beyond.any():
         raise FitnessError(
-            f"{np.count_nonzero(beyond)} lifs come from places outside the map of {city.name}, "
-            f"which has {city.shape[0]} × {city.shape[1]} px",
+            f"{np.count_nonzero(beyond)} lifs (codes of one range block) come from outside the "
+            f"map of {city.name}, which has {city.shape[0]} × {city.shape[1]} px",
             "the map from which the source city was encoded",
             "give this map with the same number of pixels as at its encoding",
         )

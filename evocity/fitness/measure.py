@@ -29,7 +29,8 @@ _NO_REFERENCE = (
 
 
 class Undefined(float):
-    """NaN with a reason; a measure returns it for a map on which its formula has no meaning.
+    """The value NaN with a reason, as a measure's result for a map on which the measure's formula
+    has no meaning.
 
     >>> value = Undefined("no building to measure")
     >>> value, value.reason
@@ -49,9 +50,9 @@ class Measure:
     """A named function from a city map to one number, with goal, unit and range.
 
     Call a measure with a `CityMap`, or with an object of the type that the attribute ``of`` names.
-    The call returns a float; for a map without a meaningful value it returns NaN, often as an
-    `Undefined`. If the function raises an error, or returns neither a finite real number nor NaN,
-    the call raises `FitnessError` with file and line.
+    The call returns a float; for a map without a meaningful value, the call returns NaN, often as
+    an `Undefined`. If the function raises an error, or returns neither a finite real number nor
+    NaN, the call raises `FitnessError` with file and line.
 
     Attributes
     ----------
@@ -73,8 +74,9 @@ class Measure:
         function returns one number.
     origin : where the measure comes from: "evocity", a plugin's package and version, a file, or
         "this session".
-    beside : paths of other files in the measure's folder: Python files that its file imports, and
-        its ``data`` files. The content of the files in ``beside`` is part of the measure's source.
+    beside : paths of files in the folder of the measure's file: the Python files that this file
+        imports, and its ``data`` files. The content of the files in ``beside`` is part of the
+        measure's source.
     reference : default cities that the measure compares a map with (set by the method `bound`), or
         None.
     any_site : whether the measure is correct for a part of a map, even if this part is not a
@@ -137,7 +139,7 @@ class Measure:
             raise FitnessError(
                 f"{self.name} received {len(given)} arguments besides the city",
                 f"only these arguments after the city: {', '.join(order)}",
-                "remove the surplus arguments",
+                "remove all other arguments",
             )
         extras |= dict(zip(order, given, strict=False))
         if "reference" in self.takes:
@@ -179,8 +181,8 @@ class Measure:
         raise self._result_error(value, city.name)
 
     def bound(self, reference: Reference | CityMap | Sequence) -> "Measure":
-        """Return this measure with a default ``reference``, or unchanged if the measure takes no
-        ``reference``."""
+        """Return this measure with a default ``reference``; a measure that takes no ``reference``
+        is returned unchanged."""
         if "reference" not in self.takes:
             return self
         needs = tuple(need for need in self.needs if need != "reference")
@@ -193,7 +195,7 @@ class Measure:
         name = self.name.partition(".")[0]
         raise FitnessError(
             f"{name} ({self.file}, line {self.line}) returned {keys or shown(values)}",
-            f"a mapping with a value for each name in the numbers=(…) of {name}, including "
+            f"a mapping with a value for each name in the parameter 'numbers' of {name}, including "
             f"{self.number}",
             f'add "{self.number}": … to the mapping that {name} returns',
         )
@@ -274,8 +276,9 @@ class Family:
     """The measures of one function that returns several numbers; the call ``family(city)`` returns
     all these numbers by name.
 
-    Each `Measure` in the attribute ``measures`` has a name of the form ``function.number``. The
-    measure of a number with the function's name has the same name, without a prefix.
+    Each `Measure` in the attribute ``measures`` has a name of the form ``function.number``. If one
+    number bears the function's name, the measure of this number has the name `function`, without
+    `.number`.
     """
 
     name: str

@@ -22,13 +22,14 @@ EVERY = 4
 def street_width(city: CityMap) -> float:
     """Mean width of streets, weighted by length.
 
-    Formula: Σ w l / Σ l over the middle lines of streets, with w the width from wall to wall and l
-    the length. The middle lines come from `CityMap.streets`, and include those of alleys and
-    courtyards. Open ground does not count if it is wider than 60 m, or nearer to the map's border
-    than to a wall. Turning the map by a quarter, or mirroring it, changes the mean by about 1 %,
-    because a middle line may follow either of two middle pixels. Coarse pixels, and turns other
-    than quarter turns, change the mean by more than 1 %. At 10° and 1 m/px, the measured width of a
-    street of 6 m is 5.8 m. At 45° and 2 m/px, the measured width of a street of 6 m is about 7 m.
+    Formula: Σ w l / Σ l over the middle lines of streets, with w the width of a street from wall to
+    wall and l the length of its middle line. The middle lines come from `CityMap.streets`, and
+    include those of alleys and courtyards. Open ground does not count as a street if it is wider
+    than 60 m, or nearer to the map's border than to a wall. Turning the map by a quarter, or
+    mirroring it, changes the mean by about 1 %, because a middle line may follow either of two
+    middle pixels. Coarse pixels, and turns other than quarter turns, change the mean by more than 1
+    %. In a map at 1 m/px, turned by 10°, the measured width of a street of 6 m is 5.8 m. In a map
+    at 2 m/px, turned by 45°, the measured width of a street of 6 m is about 7 m.
     Unit: metres. Range: above 0, to 60. Empty map: NaN, like every map without streets. Source: the
     street profile of Araldi & Fusco 2019 (EPB 46:1243-1263), applied to the middle lines of a
     raster.
@@ -49,7 +50,7 @@ def street_width(city: CityMap) -> float:
 def open_space_connectivity(city: CityMap) -> float:
     """Share of the open ground that belongs to its largest connected piece.
 
-    Formula: max A / Σ A, with A the areas of the connected pieces of open ground
+    Formula: max A / Σ A over the connected pieces of open ground, with A the area of each piece
     (`CityMap.open_space`). Pixels that share a side or a corner belong to one piece. Unit: none.
     Range: above 0, to 1. Empty map: 1. A map without open ground has the value NaN. Source: our
     own, after the share of the largest cluster in percolation theory.
@@ -69,9 +70,11 @@ def open_space_connectivity(city: CityMap) -> float:
 def courtyard_index(city: CityMap) -> float:
     """Area of courtyards per unit of built ground.
 
-    Formula: Σ C / B, with B the footprint of all buildings, and C the open ground inside the outer
-    boundary of a built component. If a building stands in a larger courtyard, its own courtyards do
-    not count again. Open ground that touches the map's border is not a courtyard. Unit: none.
+    Formula: Σ C / B, with B the total footprint of all buildings, and C the open ground inside the
+    outer boundary of a built component. If a building stands in a larger courtyard, the courtyards
+    of this building do not count again. Open ground that touches the map's border is not a
+    courtyard.
+    Unit: none.
     Range: 0 upwards. Empty map: NaN (nothing is built). Source: the courtyard index of Steadman,
     Bruhns & Gakovic 2000 (EPB 27:73-91), as in momepy, but for a whole map.
 
@@ -94,12 +97,13 @@ def sky_view_factor(city: CityMap) -> float:
 
     Formula: mean of cos² γ over 16 directions and over the viewpoints, with γ the angle of the
     horizon above the viewpoint. Every 4th pixel across and down, counted from the nearer border, is
-    a viewpoint if it is open ground. If every 4th pixel is built on, all pixels of open ground are
-    viewpoints. Along a ray, tan γ = max (h − h₀)/d, with h the height of a pixel, h₀ the height of
-    the viewpoint, and d the distance at which the ray enters the pixel. Rays reach 200 m. The
-    ground beyond the map counts as flat. Unit: none. Range: above 0 (a deep shaft) to 1 (open
-    land). Empty map: 1. A map without open ground has the value NaN. Source: Oke 1987, Boundary
-    Layer Climates; the method of horizons is by Dozier & Frew 1990 (IEEE TGRS 28:963-969).
+    a viewpoint if it is open ground. If every 4th pixel is built on, every pixel of open ground is
+    a viewpoint instead. Along a ray, tan γ = max (h − h₀)/d, with h the height of a pixel, h₀ the
+    height of the viewpoint, and d the distance at which the ray enters the pixel. Each ray from a
+    viewpoint is 200 m long. The ground beyond the map counts as flat. Unit: none. Range: above 0 (a
+    deep shaft) to 1 (open land). Empty map: 1. A map without open ground has the value NaN. Source:
+    Oke 1987, Boundary Layer Climates; the method of horizons is by Dozier & Frew 1990 (IEEE TGRS
+    28:963-969).
 
     >>> sky_view_factor(CityMap(np.zeros((20, 20)), 2.0))
     1.0

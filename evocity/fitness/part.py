@@ -37,10 +37,11 @@ def part_name(name: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A part of a map, such as a quarter of a city; a part applies to all maps of the same size.
+    """A part of a map, such as a quarter of a city; the part applies to every map that has the size
+    of the mask.
 
-    name : name of the part.
-    mask : bool ``(H, W)``, true on the pixels of the part; at least one pixel.
+    name : name of the part of the map.
+    mask : bool ``(H, W)``, true on the pixels of the part; at least one pixel is true.
     """
 
     name: str
@@ -54,20 +55,20 @@ class Part:
         return np.count_nonzero(self.mask) == np.prod([*spans])
 
     def of(self, city: CityMap) -> CityMap:
-        """Cut the part out of ``city``. The method cuts each map only once, and all measures use
-        the same cut map."""
+        """Cut this part out of the map ``city``. The method cuts each map only once, and all
+        measures use this cut map."""
         cuts = _cuts.setdefault(city, {})
         if self not in cuts:
             cuts[self] = city.within(self.mask)
         return cuts[self]
 
     def check(self, measure: Measure) -> None:
-        """Raise `FitnessError` unless the ``measure`` can be limited to the part."""
+        """Raise `FitnessError` unless the ``measure`` can be limited to this part of a map."""
         check_map_alone(measure)
         if not (measure.any_site or self.is_rectangle):
             raise FitnessError(
-                f"{own_name(measure.name)} cannot be limited to {self.name}, because this part is "
-                "not a rectangle, and the measure would count the surroundings as open ground",
+                f"{own_name(measure.name)} cannot be limited to {self.name}: this part of the map "
+                "is not a rectangle, and the measure would count the surroundings as open ground",
                 "a rectangle of whole pixels, or a measure that was declared with any_site=True",
                 "draw a rectangle; if your own measure respects city.site, declare it with "
                 "@evocity.fitness(…, any_site=True)",
@@ -80,10 +81,11 @@ class Part:
         reference: Reference | CityMap | Sequence | None = None,
         genome: Genome | None = None,
     ) -> float:
-        """Apply ``measure`` to the part of ``city``.
+        """Apply ``measure`` to this part of the map ``city``.
 
         Measures that compare cities take the share of each source city from the ``genome`` of the
-        whole map. The method raises the errors of the measure, and those of the method `check`.
+        whole map. The method raises the errors that the measure raises, and those that the method
+        `check` raises.
         """
         self.check(measure)
         compares = "reference" in measure.takes
@@ -95,8 +97,8 @@ def check_map_alone(measure: Measure) -> None:
     needs = [need for need in measure.needs if need in _OF_WHOLE]
     if needs:
         raise FitnessError(
-            f"{own_name(measure.name)} cannot be limited to a part, because its arguments describe "
-            f"the whole map: {' and '.join(needs)}",
+            f"{own_name(measure.name)} cannot be limited to a part of the map, because its "
+            f"arguments describe the whole map: {' and '.join(needs)}",
             "a measure that needs only the map",
             "use the measure for the whole map",
         )

@@ -31,7 +31,7 @@ class Reference:
         """Make a reference from one city, a list of cities with equal weights, or a list of pairs
         (city, weight).
 
-        Raises `FitnessError` for any other argument.
+        Raises `FitnessError` for an argument of a different form.
         """
         if isinstance(cities, cls):
             return cities

@@ -82,11 +82,12 @@ def fitness(
 ) -> Callable[[Callable], Measure | Family]:
     """Turn a function of a city map into a `Measure` with the function's name, as a decorator.
 
-    The function takes the city, and may take the arguments below by name. The argument
-    ``reference`` is a `Reference`, which holds the cities to compare with the map. The argument
-    ``genome`` is the genome that decodes to the map. The argument ``parents`` holds the genomes of
-    the map's parents, and the argument ``sources`` holds the maps of its source cities. If evocity
-    does not know the value of an argument, the argument keeps its default value.
+    The function takes the city, and may take the arguments `reference`, `genome`, `parents` and
+    `sources` by name. The argument ``reference`` is a `Reference`, which holds the cities to
+    compare with the map. The argument ``genome`` is the genome that decodes to the map. The
+    argument ``parents`` holds the genomes of the map's parents, and the argument ``sources`` holds
+    the maps of the source cities. If evocity does not know the value of an argument, the argument
+    keeps its default value.
 
     Parameters
     ----------
@@ -96,9 +97,9 @@ def fitness(
     range : lowest and highest possible value.
     numbers : names of the numbers, if the function returns a mapping of several numbers. For
         several numbers, the decorator returns a `Family`; its measures have names of the form
-        ``function.number``. The arguments ``goal``, ``unit`` and ``range`` hold for all numbers; a
-        mapping gives each number its own value. If the first number has the name of the function,
-        this name means the first number, and the decorator returns the `Measure` of this number.
+        ``function.number``. The arguments ``goal``, ``unit`` and ``range`` can be one value for all
+        numbers, or a mapping with a value for each number. If the first number has the name of the
+        function, the decorator returns the `Measure` of this number instead of the `Family`.
     any_site : whether the measure is correct for a part of a map that is not a rectangle;
         ``city.site`` marks the pixels of this part. If ``any_site`` is false, recipes accept only
         rectangles for this measure.
@@ -109,8 +110,8 @@ def fitness(
     of : type of the argument: "city" for a map; "shape", "curve" or "site" for runs that breed
         objects of these types from `evocity.kinds`.
 
-    Raises `FitnessError` if the declaration or the function's signature is wrong, or if another
-    measure has the same name.
+    Raises `FitnessError` if the declaration or the function's signature is wrong, or if the name of
+    the measure is already in use.
     """
     if callable(goal):
         raise FitnessError(
@@ -174,7 +175,7 @@ def fitness(
 
 
 def get(name: str) -> Measure:
-    """Return the measure called ``name``. If no measure has this name, the function raises
+    """Return the measure called ``name``. If no measure has the name, the function raises
     `FitnessError` and suggests the most similar name."""
     known = {measure.name: measure for measure in measures(None)}
     if name in known:
@@ -188,7 +189,7 @@ def get(name: str) -> Measure:
 
 def named(name: str) -> list[Measure]:
     """Return the measure called ``name``, or all measures of the function ``name`` if it returns
-    several numbers. Raises `FitnessError` in the same cases as `get`."""
+    several numbers. Raises `FitnessError` in the cases in which the function `get` raises it."""
     known = measures(None)
     return [m for m in known if m.name == name] or family_of(name, known) or [get(name)]
 
@@ -259,10 +260,10 @@ def load_file(path: str | os.PathLike) -> list[Measure]:
     is a Python file. If the file is not a Python file, the function reads a table (`TABLES`):
     building types in TOML, a line in GeoJSON, or a picture in PNG.
 
-    After this call, the function `get` finds the measures of the file. A file that is loaded later
-    replaces measures of the same name from earlier files. A Python file may import other Python
-    files from its own folder; the source of its measures includes these imported files. Text that
-    the file prints goes to standard error.
+    After a call of `load_file`, the function `get` finds the measures of the file. A file that is
+    loaded later replaces measures of the same name from earlier files. A Python file may import
+    other Python files from its own folder; the source of its measures includes these imported
+    files. Text that the file prints goes to standard error.
 
     Raises `FitnessError`, with file and line, if the file is missing, is not Python, or raises an
     error. The function raises `FitnessError` if the file declares no measure, an invalid measure,
@@ -292,7 +293,7 @@ def name_of_file(stem: str, suffix: str, example: str) -> str:
     if not stem.isidentifier():
         raise FitnessError(
             f"the file name {stem}{suffix} cannot name a measure",
-            "a file name of letters, digits and _ that does not begin with a digit",
+            "a file name of letters, digits and _, without a digit at the start",
             f"rename the file, for example to {example}{suffix}",
         )
     return f"{stem}{suffix}"
@@ -329,8 +330,8 @@ def _execute_file(path: Path, content: bytes) -> tuple[list[Measure], dict[Path,
         if not declared:
             raise FitnessError(
                 "the file declares no measure",
-                f"at least one {declaration.HOW_TO_DECLARE}",
-                "add a measure",
+                f"at least one line {declaration.HOW_TO_DECLARE}",
+                "declare a measure in this file",
             )
         imported |= read_data(path.parent, declared)
         beside = tuple(map(str, sorted(imported)))

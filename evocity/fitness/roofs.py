@@ -44,8 +44,8 @@ def height_deviation(city: CityMap) -> float:
 def height_entropy(city: CityMap) -> float:
     """How evenly built ground spreads over all heights.
 
-    Formula: −Σ p ln p / ln 20, with p the share of the built pixels in each of 20 classes of
-    heights. Each class spans a storey of 3 m, from 1.5 to 61.5 m; heights above 61.5 m belong to
+    Formula: −Σ p ln p / ln 20 over 20 classes of heights, with p the share of the built pixels in
+    each class. Each class spans a storey of 3 m, from 1.5 to 61.5 m; heights above 61.5 m belong to
     the last class. The classes are the same for all maps, so that values can be compared. Unit:
     none. Range: 0 (one class) to 1 (equal shares of all classes). Empty map: NaN (nothing is
     built). Source: Shannon 1948 (Bell System Technical Journal 27:379-423), normalised.
@@ -71,10 +71,11 @@ def roof_flatness(city: CityMap) -> float:
 
     Formula: n_level / n, with n the number of built pixels, and n_level the number of level pixels.
     A pixel is level if its height differs by at most 0.5 m from each built pixel that shares a side
-    with it. Real roofs end at vertical walls. Fractal coding blurs vertical walls into slopes, and
-    these slopes lower the share of level pixels. Unit: none. The share depends on the size of
-    pixels. Range: 0 to 1; a pixel without built neighbours is level. Empty map: NaN (nothing is
-    built). Source: our own, to show how much coding and breeding roughen roofs.
+    with this pixel. Real roofs end at vertical walls. Fractal coding blurs vertical walls into
+    slopes, and these slopes lower the share of level pixels. Unit: none. The share of level pixels
+    depends on the size of pixels. Range: 0 to 1; a pixel without built neighbours is level.
+    Empty map: NaN (nothing is built). Source: our own, to show how much coding and breeding roughen
+    roofs.
 
     >>> heights = np.zeros((8, 8))
     >>> heights[:, :4] = 9
@@ -102,17 +103,16 @@ def roof_flatness(city: CityMap) -> float:
 def height_context(city: CityMap) -> float:
     """Mean step of height from a building to the five nearest buildings.
 
-    A search that lays buildings anywhere puts towers among houses: its steps are larger than those
-    of its parents. Equal heights everywhere are not a goal either. Give this measure a target or a
-    bound from real cities.
+    A search that places buildings anywhere puts towers among houses, with larger steps of height
+    than in the parents. Equal heights everywhere are not a good goal for a search. As a goal, give
+    the measure `height_context` a target or a bound from real cities.
 
-    Formula: mean of \\|h_i − h_j\\| over the 5 nearest buildings of a building, then mean over all
-    buildings of 24 m² or more, with h the mean height of a building (`CityMap.buildings`).
-    Distances between buildings are measured from centroid to centroid. Buildings that are exactly
-    as near as the fifth count too. On a map of few buildings, fewer than 5 count.
-    Unit: metres. Range: 0 (equal heights) upwards.
-    Empty map: NaN, like every map of fewer than two buildings.
-    Source: our own.
+    Formula: mean of \\|h_i − h_j\\| over the 5 buildings j nearest to a building i, then mean over
+    all buildings i of 24 m² or more, with h the mean height of a building (`CityMap.buildings`).
+    Distances between buildings run from centroid to centroid. Buildings that are exactly as near as
+    the fifth nearest building also count as nearest buildings. On a map of few buildings, fewer
+    than 5 nearest buildings count. Unit: metres. Range: 0 (equal heights) upwards.
+    Empty map: NaN, like every map of fewer than two buildings. Source: our own.
 
     >>> heights = np.zeros((32, 32))
     >>> heights[4:12, 4:12], heights[4:12, 20:28], heights[20:28, 4:12] = 9, 9, 15

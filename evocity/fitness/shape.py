@@ -18,8 +18,9 @@ from evocity.views.buildings import CRUMB
 def elongation(city: CityMap) -> float:
     """Mean ratio of the short side of a building to its long side.
 
-    Formula: mean over buildings of s / l, with s and l the short and the long side of the smallest
-    rectangle around the footprint (`Buildings.box`). Long and narrow buildings have a low value.
+    Formula: mean of s / l over all buildings, with s and l the short and the long side of the
+    smallest rectangle around the footprint (`Buildings.box`). Long and narrow buildings have a low
+    value.
     Unit: none. Range: above 0 (long and narrow) to 1 (as wide as long).
     Empty map: NaN, like every map without a building of 24 m² or more.
     Source: Gil, Beirão, Montenegro & Duarte 2012 (Urban Morphology 16:27-40), as
@@ -36,11 +37,11 @@ def elongation(city: CityMap) -> float:
 
 @fitness(range=(0, 1), any_site=True)
 def rectangularity(city: CityMap) -> float:
-    """Mean share that a building fills of the smallest rectangle around it.
+    """Mean share that a building fills of the smallest rectangle around the building.
 
-    Formula: mean over buildings of A / A_bb, with A the area of the footprint and A_bb that of the
-    smallest rectangle around it (`Buildings.box`). Ratios above 1, an effect of rounding to pixels,
-    count as 1.
+    Formula: mean of A / A_bb over all buildings, with A the area of the footprint and A_bb the area
+    of the smallest rectangle around the footprint (`Buildings.box`). If rounding to pixels makes
+    the ratio of a building larger than 1, the ratio counts as 1.
     Unit: none. Range: above 0 to 1 (rectangles). Empty map: NaN, like every map without a building
     of 24 m² or more.
     Source: Dibble, Prelorendjos, Romice, Zanella, Strano, Pagel & Porta 2019 (Environment and
@@ -59,8 +60,8 @@ def rectangularity(city: CityMap) -> float:
 def convexity(city: CityMap) -> float:
     """Mean share that a building fills of its convex hull.
 
-    Formula: mean over buildings of A / A_hull, with A the area of the footprint and A_hull that of
-    its convex hull on the raster (`Buildings.hull_area`). Unit: none. Range: above 0 to 1
+    Formula: mean of A / A_hull over all buildings, with A the area of the footprint and A_hull the
+    area of its convex hull on the raster (`Buildings.hull_area`). Unit: none. Range: above 0 to 1
     (buildings without yards, wings or bends). Empty map: NaN, like every map without a building of
     24 m² or more. Source: Dibble and others 2019 (Environment and Planning B 46:707-730);
     momepy.convexity computes the same ratio.
@@ -78,13 +79,13 @@ def convexity(city: CityMap) -> float:
 
 @fitness(range=(0, 1), any_site=True)
 def compactness(city: CityMap) -> float:
-    """Mean share that a building fills of the smallest circle around it.
+    """Mean share that a building fills of the smallest circle around the building.
 
-    Formula: mean over buildings of A / (π R²), with A the area of the footprint and R the radius of
-    the smallest circle around it (`Buildings.circle`). Unit: none. Range: above 0 (long or
-    branched) to 1 (a disc); a square has 2/π = .637. Empty map: NaN, like every map without a
-    building of 24 m² or more. Source: Dibble and others 2019 (Environment and Planning B
-    46:707-730), after Reock 1961; momepy.circular_compactness computes the same ratio.
+    Formula: mean of A / (π R²) over all buildings, with A the area of the footprint and R the
+    radius of the smallest circle around the footprint (`Buildings.circle`). Unit: none. Range:
+    above 0 (long or branched) to 1 (a disc); a square has 2/π = .637. Empty map: NaN, like every
+    map without a building of 24 m² or more. Source: Dibble and others 2019 (Environment and
+    Planning B 46:707-730), after Reock 1961; momepy.circular_compactness computes the same ratio.
 
     >>> heights = np.zeros((64, 64))
     >>> heights[8:16, 8:16] = 9
@@ -98,7 +99,7 @@ def compactness(city: CityMap) -> float:
 def eri(city: CityMap) -> float:
     """Equivalent rectangular index: how closely buildings resemble rectangles in area and outline.
 
-    Formula: mean over buildings of √(A / A_bb) · P_bb / P, with A and P the area and the perimeter
+    Formula: mean of √(A / A_bb) · P_bb / P over all buildings, with A the area and P the perimeter
     (Crofton's formula) of the footprint, and A_bb and P_bb those of the smallest rectangle around
     the footprint. Unit: none. Range: above 0 (jagged) to 1 (rectangles). The perimeter on a raster
     is uncertain, so the index may exceed 1: rectangles along the raster have 1.05, and a single
@@ -122,12 +123,12 @@ def eri(city: CityMap) -> float:
 def shape_index(city: CityMap) -> float:
     """Mean roundness of buildings, as a ratio of lengths.
 
-    Formula: mean over buildings of √(A / π) / R, with A the area of the footprint and R the radius
-    of the smallest circle around it (`Buildings.circle`). The roundness of a building is the square
-    root of the ratio that the measure `compactness` averages. Unit: none. Range: above 0 (long or
-    branched) to 1 (a disc); a square has √(2/π) = .798. Empty map: NaN, like every map without a
-    building of 24 m² or more. Source: momepy.shape_index (Fleischmann 2019, JOSS 4:1807), whose
-    longest axis is the diameter of the smallest circle.
+    Formula: mean of √(A / π) / R over all buildings, with A the area of the footprint and R the
+    radius of the smallest circle around the footprint (`Buildings.circle`). The roundness of a
+    building is the square root of the ratio that the measure `compactness` averages. Unit: none.
+    Range: above 0 (long or branched) to 1 (a disc); a square has √(2/π) = .798. Empty map: NaN,
+    like every map without a building of 24 m² or more. Source: momepy.shape_index (Fleischmann
+    2019, JOSS 4:1807), whose longest axis is the diameter of the smallest circle.
 
     >>> heights = np.zeros((64, 64))
     >>> heights[8:16, 8:16] = 9
@@ -145,7 +146,7 @@ def building_density(city: CityMap) -> float:
     and steps of height of more than half a storey separate buildings (`CityMap.buildings`). The
     measure `component_density` separates buildings by gaps only.
     Unit: 1/ha. Range: 0 upwards. Empty map: 0.
-    Source: a plain count; the separation of buildings follows Soille 2008 (IEEE PAMI 30:1132-1145).
+    Source: a plain count of buildings, separated after Soille 2008 (IEEE PAMI 30:1132-1145).
 
     >>> heights = np.zeros((50, 50))
     >>> heights[10:20, 10:20] = 9
@@ -158,14 +159,14 @@ def building_density(city: CityMap) -> float:
 
 @fitness(unit="/ha", range=(0, math.inf), any_site=True)
 def component_density(city: CityMap) -> float:
-    """Number of connected pieces of built ground per hectare; a row of houses or a street block
+    """Number of connected components of built ground per hectare; a row of houses or a street block
     counts once.
 
     Formula: number of built components of at least 24 m², divided by the area of the map in
     hectares. Built pixels that share a side belong to one component (`CityMap.areas`). The measure
     `building_density` counts each house of a row.
     Unit: 1/ha. Range: 0 upwards. Empty map: 0.
-    Source: a plain count.
+    Source: a plain count of components.
 
     >>> heights = np.zeros((50, 50))
     >>> heights[10:20, 10:20] = heights[30:40, 10:20] = 9
@@ -181,11 +182,11 @@ def party_wall_ratio(city: CityMap) -> float:
 
     Formula: 2 S / (2 S + E), with S the number of pixel sides between two buildings, and E the
     number of pixel sides between a building and open ground or the map's border. Pixel sides
-    overstate the length of walls that are oblique to the pixels, party walls and others alike.
-    Unit: none. Range: 0 (free-standing buildings only) to below 1. Empty map: NaN, like every map
-    without a building of 24 m² or more. Source: Hamaina, Leduc & Moreau 2012 (Bridging the
-    Geographic Information Sciences:327-346). In momepy, the measure is ``shared_walls`` divided by
-    the perimeter.
+    overstate the length of all walls that are oblique to the pixels, including party walls. Unit:
+    none. Range: 0 (free-standing buildings only) to below 1. Empty map: NaN, like every map without
+    a building of 24 m² or more. Source: Hamaina, Leduc & Moreau 2012 (Bridging the Geographic
+    Information Sciences:327-346). In momepy, the measure is ``shared_walls`` divided by the
+    perimeter.
 
     >>> heights = np.zeros((64, 64))
     >>> heights[8:16, 8:16] = 9

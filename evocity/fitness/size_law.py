@@ -45,16 +45,20 @@ _CHANCES = (0.95, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05, 0.01, 0.001)
 
 @dataclass(frozen=True)
 class SizeLaw:
-    """The range of sizes on which sizes follow Salingaros' law best, and how well they do.
+    """Range of sizes that follows Salingaros' law best, with the fitted exponent and the quality of
+    the fit.
 
     score : how well the sizes follow the law, 0 to 1; the formula is that of `salingaros_law`.
-    m : exponent of Salingaros' law, p x^m = C for p items of size x, on the range.
-    error : standard error of m, from the Fisher information.
+    m : exponent m of Salingaros' law p x^m = C on the range, for p items of size x and a constant
+        C.
+    error : standard error of the exponent m, computed from the Fisher information.
     smallest, largest : ends of the range, in the unit of the sizes.
-    n : number of sizes within the range.
+    n : number of sizes within the fitted range.
     share : share of all sizes that lie within the range, 0 to 1.
-    ks : Kolmogorov-Smirnov distance √n · max\\|F_empirical − F\\| on the range.
-    p : probability that sizes drawn from the law have a larger ks, .001 to 1.
+    ks : Kolmogorov-Smirnov distance √n · max\\|F_empirical − F\\| of the n sizes on the range from
+        the distribution F of the law.
+    p : probability, .001 to 1, that sizes drawn from the law have a larger distance `ks` than the
+        fitted sizes.
     """
 
     score: float
@@ -69,34 +73,39 @@ class SizeLaw:
 
 
 def fit_size_law(sizes: np.ndarray, step: float = 0.0, choose: str = "score") -> SizeLaw:
-    """Fit range and exponent of Salingaros' universal distribution to linear sizes, together.
+    """Fit Salingaros' universal distribution to linear sizes: the range of sizes and the exponent
+    together.
 
-    For each candidate of the range, the function fits the exponent by maximum likelihood, with the
-    density ∝ x^{−(m+1)} between both ends. The ends lie beyond the smallest and the largest size
-    of the range, with half a size of the law beyond each, at most by the factor e. So exponent and
-    ends are nearly unbiased. A range has at least 30 sizes.
+    For each candidate range, the function fits the exponent m by maximum likelihood, with the
+    density ∝ x^{−(m+1)} of sizes x between the ends of the range. Each end lies beyond the smallest
+    or the largest size of the range, so far that the law expects half a size in between, at most by
+    the factor e. The ends beyond the extreme sizes make the fitted exponent nearly unbiased. A
+    range has at least 30 sizes.
 
     Parameters
     ----------
     sizes : array of linear sizes (√area for footprints), above 0, in any unit and order.
-    step : side of a pixel, in the unit of the sizes, for sizes that are measured on a map. A size
-        then fits the law if any length within half a step does, up to halfway to the next size. By
-        default 0, for exact sizes.
-    choose : how to choose the range. With "score", the function returns the range with the highest
-        score. It tries 24 lower ends, evenly spaced by rank, and leaves out 0, 1, 2, 4, 8 … of the
-        largest sizes, up to an eighth of all sizes. With "distance", it tries every lower end, and
-        returns the range with the smallest distance max\\|F_empirical − F\\|, as Clauset et al.
-        do. This range is often short, and in some cities small changes of the sizes move it far.
+    step : side of a pixel, in the unit of the sizes, for sizes that are measured on a map. With a
+        `step`, a size fits the law if any length within half a step of the size fits, at most
+        halfway to the next size. The default `step` is 0, for exact sizes.
+    choose : rule that chooses the range of sizes, "score" or "distance". With `choose` = "score",
+        the function returns the range with the highest score. The rule "score" tries 24 lower ends,
+        evenly spaced by rank, and leaves out 0, 1, 2, 4, 8 … of the largest sizes, up to an eighth
+        of all sizes. With "distance", the function tries every lower end, and returns the range
+        with the smallest distance max\\|F_empirical − F\\| of the sizes from the distribution F, as
+        Clauset et al. do. The range that "distance" returns is often short, and in some cities
+        small changes of the sizes move this range far.
 
     Raises
     ------
-    FitnessError : the sizes are fewer than 30, all alike, or not positive finite numbers; the step
-        is negative; or there is no such way to choose.
+    FitnessError : one of: fewer than 30 sizes; sizes that are all alike; a size that is not a
+        positive finite number; a negative `step`; an unknown value of `choose`.
 
-    The value p is right for a range that is chosen in advance; the chosen range fits better by
-    chance. On a range given in advance, a law has p below .1 in 6 to 13 % of cases, for exponents
-    from 1 to 2, 100 to 1000 sizes, and ends in a ratio of 10 to 20. It has p below .1 more rarely
-    for fewer sizes and narrower ranges.
+    The value `p` is right for a range that is chosen in advance; a range that the function chooses
+    fits better by chance. On a range given in advance, sizes from the law have `p` below .1 in 6 to
+    13 % of cases, for exponents from 1 to 2, 100 to 1000 sizes, and ends in a ratio of 10 to 20.
+    The value `p` is below .1 more rarely for fewer sizes, or for a narrower range, than for many
+    sizes on a wide range.
 
     Sources: Salingaros & West 1999 (EPB 26:909-923); Clauset, Shalizi & Newman 2009 (SIAM Review
     51:661-703); Corral & Deluca 2013 (Acta Geophysica 61:1351-1394), who choose both ends, of the
@@ -112,8 +121,8 @@ def fit_size_law(sizes: np.ndarray, step: float = 0.0, choose: str = "score") ->
     right = bool(np.all((sizes > 0) & (sizes < math.inf)))
     if sizes.size < FEWEST or not right or not 0 <= step < math.inf:
         raise FitnessError(
-            f"{sizes.size} sizes and the step {step!r} cannot be fitted",
-            f"{FEWEST} sizes or more, each above 0 and finite, and a step of 0 or more",
+            f"no law can be fitted to {sizes.size} sizes with the step {step!r}",
+            f"at least {FEWEST} sizes, all finite and above 0; and a step of at least 0",
             "give linear sizes in metres, and the side of a pixel as the step",
         )
     check_word("choose", choose, CHOICES, "leave it out for the highest score", FitnessError)
@@ -121,7 +130,7 @@ def fit_size_law(sizes: np.ndarray, step: float = 0.0, choose: str = "score") ->
     if law is None:
         raise FitnessError(
             f"all {sizes.size} sizes are {sizes[0]:g}",
-            "sizes of which at least two differ",
+            "at least two sizes that differ",
             "count these sizes instead; one size has no distribution",
         )
     return law
@@ -142,33 +151,39 @@ def salingaros_law(city: CityMap) -> Mapping[str, float]:
     map best.
 
     The measures `salingaros` and `salingaros_buildings` fit the exponent on a fixed range of 5 to
-    273 m, and real cities have values near 0. This measure fits range and exponent together
-    (`fit_size_law`). Six further numbers describe the fit:
+    273 m, and real cities have values near 0. The measure `salingaros_law` fits the range of sizes
+    and the exponent together (`fit_size_law`). Six further numbers of this function describe the
+    fit.
 
-    - `salingaros_law.exponent` is the exponent m on the range.
-    - `salingaros_law.sizes` is the number of buildings within the range.
-    - `salingaros_law.share` is their share of all buildings that count.
-    - `salingaros_law.smallest` and `salingaros_law.largest` are the ends of the range, in metres.
+    - `salingaros_law.exponent` is the exponent m of the law on the fitted range of sizes.
+    - `salingaros_law.sizes` is the number of buildings within the fitted range of sizes.
+    - `salingaros_law.share` is the number of buildings within the range, divided by the number of
+      all buildings that count.
+    - `salingaros_law.smallest` and `salingaros_law.largest` are the ends of the range of sizes, in
+      metres.
     - `salingaros_law.p` is a test of fit: the probability that sizes drawn from the law lie farther
-      from the law. A value below .1 speaks against the law.
+      from the law than the map's sizes. A value of `salingaros_law.p` below .1 speaks against the
+      law.
 
-    Buildings of fewer than 6 pixels do not count. Strips do not count either: these are less than
-    5 m wide and more than 3 times as long as wide. The measure does not depend on the unit of
-    length, except for strips and for the rules that separate buildings. Compare maps of equal
-    pixel size, with similar numbers of buildings. Coarse pixels merge buildings and leave
-    out small ones, and chance explains larger distances between few sizes.
+    Buildings of fewer than 6 pixels do not count. Strips of roofs do not count: they are less than
+    5 m wide, and more than 3 times as long as wide. The measure does not depend on the unit of
+    length, except for strips and for the rules that separate buildings. Compare maps of equal pixel
+    size, with similar numbers of buildings. Coarse pixels merge buildings and leave out small
+    buildings, and a few sizes can lie far from the law by chance.
 
-    Formula: the highest value over the ranges [a, b] of exponent · agreement · width · share.
-    Exponent is exp(−½ (d/0.5)²), with d the distance of m from the interval [1, 2], less the
-    standard error of m. Agreement is exp(−(e/0.03)²), with e = max\\|F_empirical − F\\| − 1/√n, at
-    least 0, the distance that chance does not explain. Width is min(1, ln(b/a)/2). Share is n / N,
-    with n of the N buildings within the range. The sizes are x = √area.
-    Unit: none; metres for the ends of the range. Range: 0 to 1; sizes drawn exactly from the law on
-    a tenfold range have 1, and sizes that are all alike have 0.
-    Empty map: NaN, like every map of fewer than 30 buildings that count. If all sizes are alike,
-    exponent, smallest, largest and p are NaN.
-    Source: Salingaros & West 1999 (EPB 26:909-923); Clauset, Shalizi & Newman 2009 (SIAM Review
-    51:661-703); Corral & Deluca 2013 (Acta Geophysica 61:1351-1394). The score is our own.
+    Formula: the highest product of four factors (exponent, agreement, width and share), over all
+    ranges [a, b] of sizes. The factor exponent is exp(−½ (d/0.5)²), with d the distance of the
+    fitted exponent m from the interval [1, 2], less the standard error of m. The factor agreement
+    is exp(−(e/0.03)²), with e = max\\|F_empirical − F\\| − 1/√n, at least 0: the distance of n
+    sizes from the law's distribution F that chance does not explain. The factor width is min(1,
+    ln(b/a)/2), with a and b the ends of the range. The factor share is n / N, with n of the N
+    buildings within the range. The size of a building is x = √area, the square root of its
+    footprint. Unit: none, but metres for the ends `smallest` and `largest` of the range. Range: 0
+    to 1; sizes drawn exactly from the law on a tenfold range have 1, and sizes that are all alike
+    have 0. Empty map: NaN, like every map of fewer than 30 buildings that count. If all sizes are
+    alike, the numbers `exponent`, `smallest`, `largest` and `p` are NaN. Source: Salingaros & West
+    1999 (EPB 26:909-923); Clauset, Shalizi & Newman 2009 (SIAM Review 51:661-703); Corral & Deluca
+    2013 (Acta Geophysica 61:1351-1394). The formula of the score is evocity's own.
 
     >>> round(salingaros_law(evocity.read_map("montpellier-pas-du-loup")), 2)
     0.89

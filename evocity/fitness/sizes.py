@@ -33,12 +33,14 @@ _SHARE = 4 * float(np.finfo(float).eps)
 class SizeFit:
     """A truncated power law fitted to sizes, and how well the sizes follow it.
 
-    m : exponent of Salingaros' law, p x^m = C for p items of size x.
-    error : standard error of the exponent m, from the Fisher information.
-    ks : Kolmogorov-Smirnov distance √n · max\\|F_empirical − F\\|, about 0.8 if the law holds.
-    n : number of sizes within the bounds.
+    m : exponent m of Salingaros' law p x^m = C, for p items of size x and a constant C.
+    error : standard error of the exponent m, computed from the Fisher information.
+    ks : Kolmogorov-Smirnov distance √n · max\\|F_empirical − F\\| of n sizes from the distribution
+        F of the law; about 0.8 if the law holds.
+    n : number of sizes within the bounds of the fit.
     span : ln(largest / smallest) of the sizes within the bounds.
-    occupancy : share of the size classes [a, ae), [ae, ae²) … that hold at least one size, 0 to 1.
+    occupancy : share, 0 to 1, of the size classes [a, ae), [ae, ae²) … from the smallest size a
+        upwards that hold at least one size.
     """
 
     m: float
@@ -52,19 +54,20 @@ class SizeFit:
 def fit_sizes(sizes: np.ndarray, a: float = SMALLEST, b: float = LARGEST) -> SizeFit:
     """Fit Salingaros' universal distribution to linear sizes, by bounded maximum likelihood.
 
-    The density of sizes is proportional to x^{−(m+1)} on [a, b]. The likelihood is greatest if 1/m
-    − L e^{−mL}/(1 − e^{−mL}) = mean ln(x/a), with L = ln(b/a).
+    The density of sizes x between the bounds a and b is proportional to x^{−(m+1)}, with m the
+    exponent. The likelihood of the exponent m is greatest if 1/m − L e^{−mL}/(1 − e^{−mL}) = mean
+    ln(x/a), with x the sizes, a and b their bounds, and L = ln(b/a).
 
     Parameters
     ----------
     sizes : array of linear sizes (√area for footprints), metres. The fit leaves out sizes outside
-        [a, b].
+        the bounds a and b.
     a, b : smallest and largest size that count, metres, 0 < a < b. Choose the bounds in advance,
         because bounds taken from the sample bias the fit.
 
     Raises
     ------
-    FitnessError : the bounds are not an interval, or no size lies within them.
+    FitnessError : the bounds are not an interval, or no size lies within the bounds.
 
     Sources: Salingaros & West 1999 (EPB 26:909-923); Clauset, Shalizi & Newman 2009.
     """
@@ -79,8 +82,8 @@ def fit_sizes(sizes: np.ndarray, a: float = SMALLEST, b: float = LARGEST) -> Siz
     n = logs.size
     if not n:
         raise FitnessError(
-            f"none of the {sizes.size} sizes lies between {a:g} and {b:g} m",
-            "at least one size",
+            f"all {sizes.size} sizes lie outside the bounds of {a:g} and {b:g} m",
+            "at least one size between these bounds",
             "widen the bounds, or give linear sizes in metres, not areas",
         )
     length = math.log(b / a)
@@ -104,11 +107,12 @@ def salingaros(city: CityMap) -> float:
     """How well the sizes of built components follow Salingaros' universal distribution.
 
     Formula: exp(−½ (d/0.25)²) · exp(−(ks/1.5)²) · min(1, span/3) · occupancy, with d the distance
-    of m from the interval [1, 2], and m, ks, span and occupancy the results of `fit_sizes`. This
-    function fits p x^m = C to the p built components of size x = √area, with C a constant. Only
-    sizes from 5 to 273 m (5 e⁴) count. Unit: none. Range: 0 to 1. Empty map: NaN, like every map of
-    fewer than 30 built components of 5 to 273 m. Source: Salingaros & West 1999 (EPB 26:909-923).
-    Real districts do not always follow Salingaros' law.
+    of the exponent m from the interval [1, 2]; the function `fit_sizes` computes m, ks, span and
+    occupancy. The function `fit_sizes` fits the law p x^m = C to the p built components of size x =
+    √area, with C a constant and m the exponent. Only sizes from 5 to 273 m (5 e⁴) count. Unit:
+    none. Range: 0 to 1. Empty map: NaN, like every map of fewer than 30 built components of 5 to
+    273 m. Source: Salingaros & West 1999 (EPB 26:909-923). Real districts do not always follow
+    Salingaros' law.
 
     >>> heights = np.zeros((64, 64))
     >>> salingaros(CityMap(heights, 2.0)).reason
@@ -121,9 +125,9 @@ def salingaros(city: CityMap) -> float:
 def salingaros_buildings(city: CityMap) -> float:
     """How well the sizes of buildings follow Salingaros' universal distribution.
 
-    Formula: as for `salingaros`, with x = √area the size of a building. Gaps and steps of height
+    Formula: that of `salingaros`, with x = √area the size of a building. Gaps and steps of height
     separate buildings (`CityMap.buildings`). In a dense district, a whole street block is one built
-    component. A map of a dense district therefore has too few components for a fit, but enough
+    component. A map of a dense district has too few built components for a fit, but enough
     buildings. Buildings less than 5 m wide (the short side of `Buildings.box`) do not count,
     because a search would otherwise add narrow strips of roofs. Marsault 2005 (§4.2) applies
     Salingaros' law to buildings. Unit: none. Range: 0 to 1. Empty map: NaN, like every map of fewer
@@ -162,7 +166,7 @@ def crumbs(city: CityMap) -> float:
     Formula: number of built components of less than 24 m² (6 px at 2 m), divided by the area of
     all built components in hectares.
     Unit: 1/ha. Range: 0 upwards. Empty map: NaN (nothing is built).
-    Source: our own, to show how much breeding breaks buildings into small pieces.
+    Source: our own measure, which shows how much breeding breaks buildings into small pieces.
 
     >>> heights = np.zeros((64, 64))
     >>> heights[:50, :49] = 9
@@ -178,10 +182,11 @@ def crumbs(city: CityMap) -> float:
 
 @fitness(goal="min", unit="/ha", range=(0, math.inf), any_site=True)
 def small_buildings(city: CityMap) -> float:
-    """Number of buildings of less than 50 m² per hectare: sheds, garages and pieces of buildings.
+    """Number of buildings of less than 50 m² per hectare: sheds, garages and fragments of
+    buildings.
 
     The measure `crumbs` counts only footprints that are too small for a building. Real districts
-    have few small buildings, but breeding adds many of them where it cuts buildings.
+    have few small buildings, but breeding adds many small buildings where it cuts larger buildings.
 
     Formula: number of buildings of less than 50 m², divided by the area of the map in hectares.
     Gaps and steps of height separate buildings (`CityMap.buildings`).
@@ -198,7 +203,7 @@ def small_buildings(city: CityMap) -> float:
 
 @fitness(goal="min", range=(0, 1), any_site=True)
 def slivers(city: CityMap) -> float:
-    """Share of buildings that are less than 5 m wide: strips of roofs and pieces of buildings.
+    """Share of buildings that are less than 5 m wide: strips of roofs and fragments of buildings.
 
     Real districts have some slivers, and fractal coding adds more. A search that rewards many small
     sizes collects slivers.

@@ -39,37 +39,35 @@ _ENDS = np.array([len(FEATURES)])
 def street_distance(city: CityMap, reference: Reference, genome: Genome | None = None) -> float:
     """Distance between the streets of the map and those of other cities; about 0 for similar plans.
 
-    The edges of the street graph count, each with seven features. The graph contains streets and
-    alleys of 4 m or more (`CityMap.alley_graph`). The features are:
+    The measure describes each edge of the street graph by seven features. The graph contains
+    streets and alleys of 4 m or more (`CityMap.alley_graph`).
 
-    - the logarithm of the length of the edge plus 2 m,
-    - the logarithm of its median width plus 2 m,
-    - the bottleneck: its least width divided by its median width,
-    - the logarithm of the length of its street plus 2 m. Edges that go straight on over a crossing
-      form one street.
-    - whether the edge is a dead end, which is not an exit from the map,
-    - its straightness: the distance of its ends divided by its length,
-    - the order of directions: \\|Σ l e^{4iθ}\\| / Σ l over the edges within 80 m, with θ the
-      direction from end to end and l the length. The middle between its ends is the place of an
-      edge.
+    - Feature 1 is the logarithm of the length of the edge plus 2 m.
+    - Feature 2 is the logarithm of the median width of the edge plus 2 m.
+    - Feature 3 is the bottleneck: the least width of the edge divided by its median width.
+    - Feature 4 is the logarithm of the length of the edge's street plus 2 m. Edges that go straight
+      on over a crossing form one street.
+    - Feature 5 tells whether the edge is a dead end, which is not an exit from the map.
+    - Feature 6 is the straightness: the distance between the edge's ends divided by its length.
+    - Feature 7 is the order of directions: \\|Σ l e^{4iθ}\\| / Σ l over the edges within 80 m, with
+      θ the direction from end to end and l the length of an edge. The place of an edge is the
+      middle between its two ends.
 
-    The measure divides each feature by its standard deviation in the reference, at least .1, with
-    equal weights for all cities. The reference is one city, or several cities with weights, as for
+    The measure divides each feature by its standard deviation in the reference, but by at least .1;
+    all cities have equal weights. The reference is one city, or several cities with weights, as for
     `fabric_distance`. The value is the least of the distances to each city with a weight, and to
-    all cities together. So a map with the plan of one of its source cities has a distance of about
-    0, whatever the buildings are. In the distance to all cities together, each edge has the weight
-    of its city, divided by the number of edges in this city. For the source cities of a run, the
-    genome gives the weights, as for `fabric_distance`.
+    all cities together. A map with the street plan of one of its source cities has a distance of
+    about 0, whatever its buildings are. In the distance to all cities together, each edge has the
+    weight of its city, divided by the number of the city's edges. For the source cities of a run,
+    the genome gives the weights, as for `fabric_distance`.
 
-    Formula: 2 E\\|X − Y\\| − E\\|X − X′\\| − E\\|Y − Y′\\|, with X and X′ two different edges of
-    the city, Y and Y′ two of the reference. The estimate is unbiased: a map compared with itself
-    has a value slightly below 0.
-    Unit: none; features count in standard deviations of the reference. Most pairs of windows of
-    one real city have a distance from −.05 to .3.
-    Range: from slightly below 0 upwards.
-    Empty map: NaN. A map has NaN too if the map or the reference has fewer than 20 edges.
-    Source: our own; energy distance, Székely & Rizzo 2013 (Journal of Statistical Planning and
-    Inference 143:1249-1272).
+    Formula: 2 E\\|X − Y\\| − E\\|X − X′\\| − E\\|Y − Y′\\|, with E the mean over pairs, X and X′
+    two different edges of the city, and Y and Y′ two different edges of the reference. The estimate
+    is unbiased: a map compared with itself has a value slightly below 0. Unit: none; features count
+    in standard deviations of the reference. Most pairs of windows of one real city have a distance
+    from −.05 to .3. Range: from slightly below 0 upwards. Empty map: NaN. The distance is NaN if
+    the map or the reference has fewer than 20 edges. Source: our own; energy distance, Székely &
+    Rizzo 2013 (Journal of Statistical Planning and Inference 143:1249-1272).
 
     >>> lyon = evocity.read_map("lyon-1er")
     >>> street_distance(evocity.read_map("montpellier-pas-du-loup"), reference=lyon) > 0.3

@@ -28,14 +28,16 @@ def box_dimension(city: CityMap) -> float:
 
     Formula: −slope of ln N(ε) on ln ε by least squares, with N(ε) the number of boxes of side ε
     that hold a built pixel. The sides ε are the common divisors of the map's height and width in
-    pixels, up to half of the map's shorter side. The boxes therefore cover the map without gaps or
-    overlaps. If height and width have fewer than 4 common divisors, the sides are powers of two.
-    For powers of two, N is the mean over four grids of boxes, one from each corner of the map. Maps
-    of nearly equal size may therefore have different values (Lyon at 2 m/px: 1.901 for 240², 1.838
-    for 241², 1.887 for 242²). Compare only maps of equal height and width. Unit: none. Range: 0 (a
-    point) to 2 (the plane). The value depends on the size of pixels: finer pixels give values
-    nearer to 2. Empty map: NaN, like every map that is too small for three sizes of boxes, for
-    example a map of 7 × 7 px. Source: Batty & Longley 1994, Fractal Cities, chapter 5.
+    pixels, up to half of the map's shorter side. Boxes whose side divides height and width cover
+    the map without gaps or overlaps. If height and width have fewer than 4 common divisors, the
+    sides are powers of two. For powers of two, N is the mean over four grids of boxes, one from
+    each corner of the map. Maps of nearly equal size may have different values (Lyon at 2 m/px:
+    1.901 for 240², 1.838 for 241², 1.887 for 242²). Box dimensions can be compared only between
+    maps of equal height and width.
+    Unit: none. Range: 0 (a point) to 2 (the plane). The value depends on the size of pixels: finer
+    pixels give values nearer to 2. Empty map: NaN, like every map that is too small for three sizes
+    of boxes, for example a map of 7 × 7 px. Source: Batty & Longley 1994, Fractal Cities, chapter
+    5.
 
     >>> built = np.ones((1, 1))
     >>> for _ in range(5):  # Sierpinski's carpet, ln 8 / ln 3
@@ -59,10 +61,11 @@ def correlation_dimension(city: CityMap) -> float:
     distance from built pixels.
 
     Formula: slope of ln N(ε) on ln ε by least squares, with N(ε) = ε² times the share of built
-    pixels in all windows of side ε that are centred on built pixels. The parts of a window outside
-    the map do not count. Windows reach 4, 8, 16, 32 and 64 m from their centre, rounded to whole
-    pixels, at least 1 px. Windows larger than the map do not count. Unit: none. Range: 0 (single
-    points) upwards; 2 if built ground spreads evenly. Cities have values from 1.48 to 1.91.
+    pixels in all windows of side ε that are centred on built pixels. If a part of a window lies
+    outside the map, this part does not count. Windows reach 4, 8, 16, 32 and 64 m from their
+    centre, rounded to whole pixels, at least 1 px. Windows larger than the map do not count. Unit:
+    none. Range: 0 (single points) upwards; 2 if built ground spreads evenly. Cities have values
+    from 1.48 to 1.91.
     Empty map: NaN, like every map in which fewer than three of the five windows fit. Source:
     Grassberger & Procaccia 1983 (Physica D 9:189-208), with the square windows of Thomas,
     Frankhauser & Biernacki 2008 (Landscape and Urban Planning 84:99-115).

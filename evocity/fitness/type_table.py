@@ -32,7 +32,7 @@ class _Format(TableFormat):
             raise FitnessError(
                 f"this file is a recipe, because it has the sections {', '.join(recipe)}",
                 "a table of building types, with [[type]] and [shares]",
-                "run the recipe with evocity run, or name a table of types or a measure here",
+                "run the recipe with evocity run, or give a table of types in place of the recipe",
             )
         super().check_parts(document)
 
@@ -47,7 +47,7 @@ class TypeTable(LimitTable):
     entries : name and limits of each ``[[type]]``; the rows of the limits follow the order of the
         list `FEATURES`.
     shares : desired share of each type in the built ground; the shares sum to 1. The attribute
-        ``shares`` is None if the table has no section ``[shares]``.
+        ``shares`` is None if the table of types has no section ``[shares]``.
     """
 
     FORMAT: ClassVar = _Format(
@@ -60,15 +60,15 @@ class TypeTable(LimitTable):
     def of(cls, text: str | bytes) -> "TypeTable":
         """Read the table from its TOML ``text``.
 
-        Each section ``[[type]]`` has a ``name`` and limits of features, each written as
+        Each section ``[[type]]`` has a ``name`` and limits of features; each limit is written as
         ``FEATURE = { from = LOWEST, below = END }``. The value LOWEST belongs to the type, and the
         value END does not; a limit may omit LOWEST or END. If several entries have the name of one
         type, this type includes the buildings of all these entries. The section ``[shares]`` may
         give the desired share of each type in the built ground. If a table has only the section
         ``[shares]``, its types are the default types of evocity.
 
-        Raises `FitnessError` if the document is not a table of types. The method raises
-        `FitnessError` if some building would have no type, or two types.
+        Raises `FitnessError` if the document is not a table of types. The method `TypeTable.of`
+        raises `FitnessError` if some building would have no type, or two types.
         """
         document = cls.FORMAT.document(text)
         only_shares = "shares" in document and "type" not in document

@@ -45,7 +45,7 @@ def building_types(city: CityMap) -> Mapping[str, float]:
     Unit: none. Range: 0 to 1; the shares of all types sum to 1. Heights decide most types, so the
     shares of a map without heights mean little.
     Empty map: NaN (nothing is built).
-    Source: Marsault 2002 §6.2 asks for the "known distribution of a type of building or dwelling".
+    Source: Marsault 2002 §6.2 (the "known distribution of a type of building or dwelling").
     The types are common in planning. Limits for which the table names no source are our own.
 
     >>> heights = np.zeros((64, 64))
@@ -65,9 +65,9 @@ def type_distance(city: CityMap, reference: Reference, genome: Genome | None = N
     Formula: ½ Σ \\|p − q\\| over the types, with p the share of built ground that each type has in
     the city (`building_types`), and q the share in the reference. The distance is the least share
     of the built ground that must change its type to reach the mixture of the reference. If the
-    reference has several cities, q is the weighted mean of their shares. The weight of a source
-    city of a run is the built ground of the map that comes from this city. Unit: none. Range: 0
-    (the same mixture) to 1 (no type in common). Empty map: NaN. The distance is NaN if the
+    reference has several cities, q is the weighted mean of the shares in these cities. The weight
+    of a source city of a run is the built ground of the map that comes from this city. Unit: none.
+    Range: 0 (the same mixture) to 1 (no type in common). Empty map: NaN. The distance is NaN if the
     reference has no buildings, or if no built ground of the map comes from the reference. Source:
     "known distribution of a type of building or dwelling", Marsault 2002 §6.2; the formula is the
     total variation distance.
@@ -141,7 +141,7 @@ def object_counts(city: CityMap) -> Mapping[str, float]:
 def types_of(city: CityMap, table: TypeTable | None = None) -> tuple[str, ...]:
     """Return the name of the type of each building, in the order of ``city.buildings``.
 
-    table : the table of types; None means the table of this package.
+    table : the table of types; None means evocity's own table.
 
     The function takes about 0.3 ms for 256 × 256 px, if the shapes of `CityMap.buildings` are
     already computed.

@@ -42,8 +42,8 @@ def parse_document(content: bytes, name: str) -> dict:
             raise MapError(
                 f"{name} has {content.count(b'[') + content.count(b'{')} lists and objects in "
                 f"{len(content) / 1e6:.0f} MB of JSON, which would take too much memory",
-                f"a file that takes at most {MOST_MEMORY / 1e9:g} GB of memory; a file of 100 MB "
-                "takes about this much",
+                f"a file that takes at most {MOST_MEMORY / 1e9:g} GB of memory, so at most about "
+                "100 MB of JSON",
                 "cut the file to the district and its surroundings, for example in QGIS",
             )
         document = json.loads(content)
@@ -72,15 +72,15 @@ def lines_in(document: dict, name: str, kinds: Collection[str] = LINEAR) -> list
                 lines += map(_points, _rows(kind, node["coordinates"]))
             except (TypeError, KeyError, ValueError, OverflowError, IndexError) as error:
                 raise MapError(
-                    f"{name}: its coordinates cannot be read ({error})",
-                    "a list of [x, y] of finite numbers",
+                    f"{name}: the coordinates cannot be read ({error})",
+                    "a list of points [x, y] with finite numbers",
                     "repair or delete this feature, for example in QGIS",
                 ) from None
         waiting += [(child, depth + 1) for child in reversed(_children(node))]
     count = sum(map(len, lines))
     if count > MOST_POINTS:
         raise MapError(
-            f"{name}: its lines have {count} points",
+            f"{name}: the lines have {count} points",
             f"at most {MOST_POINTS} points",
             "simplify the lines",
         )

@@ -24,26 +24,29 @@ class Genome(Displayed):
     """Code of a map: a chromosome that has one lifs for each range block of the map. The fields of
     a lifs are σ, β, x, y, dx, dy and iso.
 
-    The function ω_i averages its domain block to the size of range block i, and multiplies the
-    heights by σ. After the multiplication by σ, ω_i adds β, applies the isometry and writes range
-    block i (Marsault 2002 §2.2). A lifs without a domain block codes a flat range block of height
-    β. A lifs without a domain block has the value 0 in its fields σ, x, y, dx, dy and iso.
+    For range block i, the function ω_i averages a domain block to the size of the range block, and
+    multiplies the heights by σ. After the multiplication by σ, the function ω_i adds β, applies an
+    isometry and writes range block i (Marsault 2002 §2.2). A lifs without a domain block codes a
+    flat range block of height β. A lifs without a domain block has the value 0 in its fields σ, x,
+    y, dx, dy and iso.
 
     Parameters
     ----------
     pavement : places and sides of the range blocks.
-    sigma … iso : arrays ``(n,)`` of nucleotides, with the types and bounds in `NUCLEOTIDES`.
-    parent, source, turn, other, part : arrays ``(n,)``, described in `PROVENANCE`. Each range block
-        shows a place in a source city, and the arrays hold these places. Without the arrays
-        ``turn``, ``other`` and ``part``, each range block shows a single city, without an isometry.
+    sigma, beta, x, y, dx, dy, iso : nucleotides, arrays ``(n,)``; `NUCLEOTIDES` has their bounds.
+    parent, source, turn, other, part : arrays ``(n,)`` of provenance, with one entry for each lifs;
+        `PROVENANCE` describes each array. The five arrays of provenance name the source city, and
+        the place in this city, that each range block shows. Without the arrays ``turn``, ``other``
+        and ``part``, each range block shows a single city, without an isometry.
     metres_per_pixel : side of a pixel of the coded map, metres.
     cities : names of the source cities; the array ``parent`` holds indices into these names.
         Breeding identifies cities by their names, so give different maps different names before you
         breed them.
-    sigma_max : bound on \\|σ\\|; infinity for codes without a bound.
+    sigma_max : upper bound on the absolute value of σ in each lifs; infinity for codes without a
+        bound.
     attribution : text that the licences of the sources demand.
     origin, crs : place of the decoded map on Earth, as in `CityMap`; None without a place.
-    made : description of the birth: the operator, its parameters and its results.
+    made : description of how the genome was bred: the operator, its parameters and its results.
     condensation : heights of the pixels that decoding does not change, or None. Operators copy the
         condensation to the child unchanged.
     settle : whether `evocity.decode` makes roofs flat by default; `evocity.encode` sets this field
@@ -52,10 +55,10 @@ class Genome(Displayed):
 
     Raises
     ------
-    GenomeError : nucleotides are out of bounds; the message counts and lists them.
+    GenomeError : nucleotides are out of bounds; the message counts and lists these nucleotides.
 
-    The constructor copies the arrays, converts their types and makes the copies read-only.
-    Operators never change a genome: they return new genomes.
+    The constructor copies the arrays, converts the types of the copies, and makes the copies
+    read-only. Operators never change a genome, but return new genomes.
     """
 
     pavement: Pavement
@@ -122,20 +125,21 @@ class Genome(Displayed):
 
     @property
     def uniform(self) -> np.ndarray:
-        """Lifs that code a flat block and have no domain block, bool ``(n,)``."""
+        """Mask of the lifs that code a flat block without a domain block, bool ``(n,)``."""
         return self.dx == 0
 
     @property
     def shares(self) -> np.ndarray:
         """Share of the map that comes from each source city, float64 ``(len(cities),)``. The shares
         add up to 1. A lifs that interpolates two cities counts for both cities, in the shares that
-        ``part`` gives."""
+        the field ``part`` gives."""
         return self.shares_of(self.pavement.area.astype(float))
 
     def shares_of(self, pixels: np.ndarray) -> np.ndarray:
-        """Compute the `shares` of source cities in a part of the map. The argument pixels ``(n,)``
-        is the number of pixels that each range block has in the part of the map. All shares are 0
-        if there are no pixels."""
+        """Compute the shares of source cities in a part of the map, as the attribute `shares` holds
+        them for the whole map. The argument `pixels`, an array ``(n,)``, holds the number of pixels
+        that each range block has in the part of the map. All shares are 0 if the part of the map
+        contains no pixel."""
         count = len(self.cities)
         total = np.bincount(self.parent, self.part * pixels, count)
         total += np.bincount(self.other, (1 - self.part) * pixels, count)
@@ -160,7 +164,8 @@ class Genome(Displayed):
         return state.hexdigest()
 
     def replace(self, **changes: Any) -> "Genome":
-        """Return a new genome with some fields changed; the constructor checks the new fields."""
+        """Return a copy of the genome with some fields changed; the constructor checks the new
+        values of these fields."""
         if changes.keys() == {"made"} and type(self) is Genome:  # nothing to check or copy
             other = copy(self)
             object.__setattr__(other, "made", dict(changes["made"]))
@@ -170,10 +175,10 @@ class Genome(Displayed):
 
     def write(self, path: str | os.PathLike) -> None:
         """Write a Parquet file with one row for each lifs. The metadata of the file's schema hold
-        the fields that have one value for the whole genome.
+        the fields that have a single value for the whole genome.
 
-        A failed write leaves no partial file. DuckDB, polars and pandas read the file directly.
-        Raises `GenomeError` if writing fails.
+        If writing fails, no partial file remains. DuckDB, polars and pandas read the Parquet file
+        directly. Raises `GenomeError` if writing fails.
         """
         write_genome(self, path)
 
@@ -186,9 +191,9 @@ def sides_text(pavement: Pavement) -> str:
 def merged_cities(genomes: Iterable[Genome]) -> tuple[tuple[str, ...], list[np.ndarray], str]:
     """Merge the lists of source cities of ``genomes`` for their child.
 
-    The first result lists the names, each once, in order of appearance. The second result gives,
-    for each genome, the index of each of its cities in the first result, uint8. The third result is
-    the joined attribution.
+    The first result lists the names of the cities, each name once, in order of appearance. The
+    second result gives, for each genome, the index of each of its cities in the first result,
+    uint8. The third result is the joined attribution of all genomes.
     """
     genomes = list(genomes)
     names = list(dict.fromkeys(city for genome in genomes for city in genome.cities))
@@ -204,13 +209,14 @@ def merged_cities(genomes: Iterable[Genome]) -> tuple[tuple[str, ...], list[np.n
 
 
 def descended(genomes: Sequence[Genome]) -> tuple[list[dict[str, np.ndarray]], dict]:
-    """Collect what a child of all ``genomes`` inherits besides its lifs, as arguments of
-    `Genome.replace`.
+    """Collect all fields except the lifs that one child of several ``genomes`` inherits. The fields
+    are arguments of `Genome.replace`.
 
-    The first result lists, for each genome, its fields ``parent`` and ``other`` as indices into the
-    child's cities. The second result maps the names of the child's other fields to their values.
-    The field ``settle`` is true if it is true for any of the genomes. The fields ``origin`` and
-    ``crs`` have values only if all genomes agree on them.
+    The first result lists, for each genome, its fields ``parent`` and ``other``, converted to
+    indices into the child's cities. The second result maps the names of the child's remaining
+    fields to the values of these fields. The field ``settle`` is true if it is true for at least
+    one of the genomes. The fields ``origin`` and ``crs`` have values only if all genomes agree on
+    them.
     """
     cities, numbers, attribution = merged_cities(genomes)
     places = {(genome.origin, genome.crs) for genome in genomes}

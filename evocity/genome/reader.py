@@ -42,8 +42,9 @@ def read_genome(path: str | os.PathLike) -> Genome:
     """Read a genome file written by `Genome.write`.
 
     Raises `GenomeError` if the file is missing, holds no genome, has another schema version, or
-    holds nucleotides out of bounds. A file with a seal must have the bytes that evocity wrote.
-    Another process parses a file without a seal. Reading never executes code from the file.
+    holds nucleotides out of bounds. A file with a seal must have the bytes that evocity wrote. The
+    function parses a file without a seal in a separate process. Reading never executes code from
+    the file.
     """
     path = Path(path)
     if not path.is_file():
@@ -72,8 +73,8 @@ def changed_error(path: str | os.PathLike, error: ChangedFileError) -> GenomeErr
     """Describe the ``error`` of a sealed file."""
     return GenomeError(
         f"{path} is damaged: {error}",
-        "the file as evocity wrote it",
-        "restore the file from a copy, or write it again",
+        "an undamaged file that evocity wrote",
+        "restore the file from a copy, or write the file again",
     )
 
 

@@ -25,14 +25,14 @@ def split(genome: Genome, side: int, where: np.ndarray | None = None) -> Genome:
     """Split every range block larger than ``side`` px into four, and repeat until no block is
     larger. Splitting does not change the decoded map.
 
-    The domain block of a split range block is split, too. A part of a domain block may lie farther
-    from its range block than the ``reach`` of the search.
+    Splitting a range block also splits its domain block. After splitting, a part of a domain block
+    may lie farther from its range block than the search allowed by ``reach``.
 
     Parameters
     ----------
     side : largest side that remains, px, 2 or more.
     where : mask of pixels, bool ``(H, W)``; only range blocks that contain a true pixel are split.
-        If ``where`` is None, all larger range blocks are split.
+        If ``where`` is None, all range blocks larger than `side` are split.
 
     Raises
     ------
@@ -57,7 +57,8 @@ def split(genome: Genome, side: int, where: np.ndarray | None = None) -> Genome:
                 break
         if (sides[wide] % 2).any() or (sides[wide] < 4).any():
             raise GenomeError(
-                f"range blocks of {int(sides[wide].max())} px cannot be split to {side} px",
+                f"range blocks of {int(sides[wide].max())} px cannot be split into blocks of "
+                f"{side} px",
                 f"range blocks whose sides give {side} px by repeated halving",
                 "choose a side that the range blocks reach by repeated halving",
             )
@@ -74,8 +75,9 @@ def split(genome: Genome, side: int, where: np.ndarray | None = None) -> Genome:
 
 
 def refined(genome: Genome, pavement: Pavement) -> Genome:
-    """Split a genome's range blocks into those of a finer pavement; the decoded map stays the same.
-    Raises `GenomeError` unless each new range block lies in one range block of the genome."""
+    """Split a genome's range blocks into the range blocks of a finer pavement; the decoded map
+    stays the same. Raises `GenomeError` unless each new range block lies in one range block of the
+    genome."""
     p = genome.pavement
     if pavement == p:
         return genome
@@ -101,8 +103,8 @@ def merged(genome: Genome, most: int | None = None) -> Genome:
     places of the four range blocks in the source city must form one square. Merging repeats until
     no four range blocks can merge.
 
-    most : largest side to merge to, px; None for the genome's largest side. The corner of a merged
-        range block lies at a multiple of the block's side, as in a quadtree.
+    most : largest side of a merged range block, px; None means the largest side in the genome. The
+        corner of a merged range block lies at a multiple of the block's side, as in a quadtree.
     """
     p = genome.pavement
     most = p.coarsest if most is None else int(most)
@@ -131,12 +133,13 @@ def merged(genome: Genome, most: int | None = None) -> Genome:
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Grid of cells for a new genome; each cell copies a cell of a known genome by an isometry.
+    """Grid of cells for a new genome; each cell copies a cell of an existing genome by an isometry.
 
     cell : side of a cell, px.
-    whose : number of the genome that each cell comes from, ``(R, C)``.
+    whose : number of the genome that each cell comes from, ``(R, C)`` for R rows and C columns of
+        cells.
     row, column : row and column of the shown cell in its genome, ``(R, C)``.
-    iso : isometry of the shown cell, ``(R, C)``.
+    iso : number of the isometry that turns or mirrors each shown cell, ``(R, C)``.
     """
 
     cell: int
@@ -147,7 +150,7 @@ class Pieces:
 
     @classmethod
     def in_place(cls, whose: np.ndarray, cell: int) -> "Pieces":
-        """Make pieces that show each cell at its own place; ``whose`` ``(R, C)`` is the number of
+        """Make a grid of cells that show their own places; ``whose`` ``(R, C)`` is the number of
         the genome for each cell."""
         row, column = np.indices(np.shape(whose))
         return cls(cell, np.asarray(whose), row, column, np.zeros(np.shape(whose), np.uint8))
@@ -164,17 +167,17 @@ class Layout:
 
 
 def laid(genomes: Sequence[Genome], pieces: Pieces, *, carried: bool = False) -> Layout:
-    """Make a genome from ``pieces`` of several ``genomes``. The range blocks of the new genome are
-    the largest squares that show a part of one lifs. A range block is therefore split only if it
-    lies across a border between pieces.
+    """Make a genome from the cells in ``pieces``, which come from several ``genomes``. The range
+    blocks of the new genome are the largest squares that show a part of one lifs. A range block of
+    an old genome is split only if it lies across a border between two pieces.
 
-    By default, a domain block keeps its place on the map, and only the isometry of its lifs
-    changes. If ``carried`` is true, a domain block moves and turns together with its range block. A
-    domain block that would extend beyond the map is shifted inside.
+    By default, a domain block keeps its place on the map; only the isometry of the lifs that reads
+    the domain block changes. If ``carried`` is true, a domain block moves and turns together with
+    its range block. A domain block that would extend beyond the map is shifted into the map.
 
-    The new map has the size of the grid of pieces; `descended` lists the other fields that the
-    genome inherits. Raises `GenomeError` if halving the range blocks cannot reach the borders
-    between pieces.
+    The new map has the size of the grid of cells; the function `descended` lists the fields besides
+    the lifs that the genome inherits. Raises `GenomeError` if repeated halving of the range blocks
+    cannot reach the borders between pieces.
     """
     cell, (rows, columns) = pieces.cell, pieces.whose.shape
     height, width = rows * cell, columns * cell

@@ -48,7 +48,7 @@ def write_described(table: pa.Table, key: str, about: Mapping, path: str | os.Pa
         raise GenomeError(
             f"{path} cannot be written: {reason_of(error)}",
             "a file name in an existing folder, on a disk with free space",
-            "make the folder, or choose another place",
+            "create the folder, or choose another folder",
         ) from error
 
 

@@ -2,6 +2,7 @@
 
 - `setup`, `fabric`: the function `grow` and its result
 - `plane`, `lattice`: the endless plane, and the places of groups on it
+- `quarter_plane`, `avenues`, `quarters`: the endless plane with streets, and what it consists of
 - `repetition`, `shares`: windows that must not repeat, and shares of the originals
 """
 

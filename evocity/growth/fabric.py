@@ -12,6 +12,7 @@ from evocity.errors import GenomeError, OperatorError, is_whole, keyword, settin
 from evocity.genome import Genome, Pieces, laid, merged, merged_cities
 from evocity.growth._kernels import WINDOW, window_keys
 from evocity.growth.plane import Plane, paste
+from evocity.growth.quarter_plane import QuarterPlane
 from evocity.operators.repair import collage_repair
 
 #: The largest row or column of an endless fabric, pixels.
@@ -22,28 +23,30 @@ FARTHEST = 1 << 50
 class Growth:
     """Endless city fabric that the function `grow` makes from one or several original genomes.
 
-    The seed and the position determine the content of every position in the fabric. You may
-    therefore compute windows in any order and in any process. A cache keeps the most recent tiles.
+    The seed and the position determine the content of every position in the fabric. Windows of the
+    fabric may be computed in any order and in any process. A cache keeps the tiles of the fabric
+    that were computed last.
 
-    originals : genomes that the fabric grows from. The first original appears unchanged in the
-        fabric, and groups of cells come from all originals.
-    plane : object that computes the content of every position in an endless plane of cells.
+    originals : genomes of the cities from which the fabric grows. The first original appears
+        unchanged in the fabric, and groups of cells come from all originals.
+    plane : object that computes an endless plane of cells, by position.
     shape : size ``(H, W)`` of the map to be written, px. The map to be written is a rectangle of
         the fabric.
     place : row and column of the first original's north-west pixel. All rows and columns count from
-        the north-west pixel of the map to be written.
+        the north-west pixel of the map that is to be written.
     made : parameters of the growth, as `Genome` records them.
     """
 
     originals: tuple[Genome, ...]
-    plane: Plane
+    plane: Plane | QuarterPlane
     shape: tuple[int, int]
     place: tuple[int, int]
     made: Mapping
 
     @property
     def cell(self) -> int:
-        """Side of a cell, px; groups consist of whole cells."""
+        """Side of a cell, px; the groups of cells that make up the fabric consist of whole
+        cells."""
         return self.plane.cell
 
     @property
@@ -104,8 +107,10 @@ class Growth:
         self, top: int = 0, left: int = 0, height: int | None = None, width: int | None = None
     ) -> dict[str, np.ndarray]:
         """Find the source of each cell of a rectangle: four int64 arrays ``(rows, columns)``. The
-        arrays hold the number of the original, the row and the column of the cell in the original,
-        and the isometry.
+        four arrays hold the number of the original, the row and the column of the cell in this
+        original, and the isometry of the cell. In a fabric with streets,
+        buildings turn by any angle. The arrays then hold the cell of the original that is nearest
+        to the place, and the nearest isometry.
 
         Raises `OperatorError` if the borders of the rectangle cut cells.
         """
@@ -126,14 +131,17 @@ class Growth:
         *,
         progress: Callable[[int, int], None] | None = None,
     ) -> dict:
-        """Report the quality of the growth in all tiles that a rectangle touches.
+        """Report the quality of the growth in all tiles of the fabric that a rectangle touches.
 
-        The entry ``groups`` of the result is the number of groups. The entry ``step`` is the mean
-        difference of heights along the outlines of all groups, metres. The entry ``forced`` counts
-        groups without an admissible candidate; each of these groups took the candidate with the
-        least difference. The entry ``repeated`` counts groups for which every candidate repeated a
-        known window of 64 × 64 px. The function ``progress`` is called with two numbers: tiles
-        done, and all tiles.
+        The entry ``groups`` of the result is the number of groups of cells. The entry ``step`` is
+        the mean difference of heights along the outlines of all groups of cells, metres. The entry
+        ``forced`` counts groups for which no candidate was admissible; each of these groups took
+        the candidate with the least difference. The entry ``repeated`` counts groups for which
+        every candidate repeated a known window of 64 × 64 px. In a fabric with streets,
+        groups are quarters. The entry ``front`` then replaces ``step`` and ``repeated``: it is the
+        mean built share of a strip along the outlines of quarters, 0…1. The entry ``forced`` counts
+        quarters that stay open, because no place fits. The function ``progress`` is called with two
+        numbers: the number of finished tiles, and the number of all tiles.
         """
         top, left, height, width = self._rectangle(top, left, height, width)
         top, left = top - self.place[0], left - self.place[1]
@@ -163,14 +171,15 @@ class Growth:
         reach: int | None = 24,
         domains: Sequence[int] = (2,),
     ) -> Genome:
-        """Make a genome of a rectangle of the fabric. Each lifs keeps its place in its group of
+        """Make a genome of a rectangle of the fabric. Each lifs keeps its place within its group of
         cells.
 
         A domain block moves and turns together with its range block. Near the border of a group or
         of the rectangle, a domain block may cover fabric that differs from the original. Collage
         repair gives damaged range blocks new domain blocks within ``reach``, as for every operator.
-        A range block is damaged if its decoded heights differ from `window` by more than ``repair``
-        metres (root mean square). If ``repair`` is None, collage repair is skipped.
+        A range block is damaged if its decoded heights differ from those of the method `window` by
+        more than ``repair`` metres (root mean square). If ``repair`` is None, the method does not
+        repair the genome.
 
         The lifs keep the fields ``parent`` and ``source`` of the originals. The genome has the
         condensation of the first original. Decoding and repair take about 170 bytes of memory per
@@ -254,15 +263,15 @@ def _rectangle(top, left, height, width, whole=False) -> tuple[int, int, int, in
             faults[setting(name, side)] = f"{name} {int(whole)} to {MAX_SIDE}"
     if faults:
         raise OperatorError(
-            f"growth: {', '.join(faults)} is out of range",
-            f"pixels within the limits: {', '.join(faults.values())}",
+            f"growth: the rectangle is out of range: {', '.join(faults)}",
+            f"a rectangle within these limits, in pixels: {', '.join(faults.values())}",
             "choose a rectangle within these limits; neighbouring rectangles fit together",
         )
     if height * width > MAX_PIXELS:
         raise OperatorError(
             f"growth: {setting('height', height)}, {setting('width', width)}: "
-            f"{height * width / 1e6:.0f} million px are too many",
-            f"at most {MAX_PIXELS // 10**6} million px, for example 11 500 × 11 500 px",
+            f"{height * width / 1e6:.0f} million px are too many for one map",
+            f"a map of at most {MAX_PIXELS // 10**6} million px, for example 11 500 × 11 500 px",
             "write several smaller rectangles; neighbouring rectangles fit together",
         )
     return int(top), int(left), int(height), int(width)
@@ -288,7 +297,7 @@ def lay_lifs(
     if largest > min(which.shape) * cell:
         raise OperatorError(
             f"growth: the genome has only {which.shape[0] * cell} × {which.shape[1] * cell} px",
-            f"sides of at least {largest} px, the side of its largest domain block",
+            f"height and width of at least {largest} px, the side of the largest domain block",
             "choose a larger height and width",
         )
     try:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from evocity.coding.decode import decode
-from evocity.errors import OperatorError, check_number, is_number, is_whole, setting
+from evocity.errors import OperatorError, check_number, is_number, is_whole, keyword, setting
 from evocity.genome import Genome
 from evocity.growth.fabric import FARTHEST, Growth
 from evocity.growth.lattice import (
@@ -19,11 +19,18 @@ from evocity.growth.lattice import (
     Lattice,
 )
 from evocity.growth.plane import Plane
+from evocity.growth.quarter_plane import QuarterPlane
 from evocity.growth.shares import Share, Shares
 from evocity.operators.parameters import check_generator
 
 #: The default side of a cell, metres.
 CELL = 8.0
+#: The default tolerance, metres.
+TOLERANCE = 6.0
+#: The default side of a quarter, metres, and how far sides differ from it, as a share.
+QUARTER, SPREAD = 200.0, 0.36
+#: The smallest side of a quarter, metres; the largest, as a share of the originals' shortest side.
+LEAST_QUARTER, LARGEST = 40.0, 0.55
 
 
 def grow(
@@ -38,98 +45,120 @@ def grow(
     cell: int | None = None,
     side_min: float | None = None,
     side_max: float | None = None,
-    tolerance: float = 6.0,
+    tolerance: float = TOLERANCE,
     candidates: int = 600,
     turned: bool = True,
+    streets: bool = False,
     size_min: int | None = None,
     size_max: int | None = None,
 ) -> Growth:
-    """Grow an endless city fabric around the map of a genome, from groups of the map's own cells.
+    """Grow an endless city fabric around the map of a genome, from groups of cells of this map.
 
     The original map stays unchanged, and the fabric around it is computed on demand (Marsault 2005
     §4.2). A group is a rectangle of cells of the original's decoded map, under one of the 8
-    isometries. The rim of a group overlaps the surroundings of the group. Candidates for each group
-    are drawn at random, and the candidates that differ least from the surroundings are kept. The
-    overlap is cut along the line of least difference; this line mostly follows streets (Kwatra and
-    others 2003, Graphcut textures).
+    isometries. The rim of a group of cells overlaps the surroundings of the group. Candidates for
+    each group are drawn at random, and the candidates that differ least from the surroundings are
+    kept. The overlap is cut along the line of least difference; this line mostly follows streets
+    (Kwatra and others 2003, Graphcut textures).
 
-    A candidate is admissible if the mean difference of heights along its outline is at most
-    ``tolerance``, as in `PavementFusion`. Among admissible candidates, small differences and rarely
-    used cells win, so that the whole original takes part. A candidate that continues the copied
-    pixels of a neighbouring group is only the last choice. No candidate repeats a window of 64 × 64
-    px within its tile, unless the original repeats the window, too.
+    A candidate is admissible if the mean difference of heights along the candidate's outline is at
+    most ``tolerance``, as in `PavementFusion`. Among admissible candidates, those with small
+    differences and rarely used cells win, so that cells from the whole original appear. A candidate
+    that continues the copied pixels of a neighbouring group is chosen only after all other
+    candidates. No candidate repeats a window of 64 × 64 px within its tile, unless this window also
+    repeats in the original.
 
-    The first number of the generator is the seed; seed and position determine the content of the
-    fabric. The fabric grows in tiles of about 128 px, and each tile depends only on its
+    With ``streets``, the fabric has streets that run through. Avenues divide the plane into
+    districts, and straight streets divide each district into quarters. A quarter shows the
+    buildings of one place of an original, turned to the quarter's streets by any angle. A street
+    cuts a building only along the building's front, and small pieces are left out. Streets of the
+    original end in the streets around the quarter, or go on beyond them. So street lengths stay
+    near those of the originals.
+
+    The first number of the generator `rng` is the seed; seed and position determine the content of
+    the fabric. The fabric grows in tiles of about 128 px, and each tile depends only on its
     neighbourhood (`evocity.growth.lattice`). The arguments ``height``, ``width`` and ``corner``
-    select the rectangle to be written, and do not change the fabric.
+    only select the rectangle to be written; the fabric does not depend on them.
 
     Parameters
     ----------
     genome : original genome, or several of equal pixel size, each with 6 × 6 cells or more. The
-        first original appears in the fabric. Groups come from all originals; the parameter
-        ``share`` sets their proportions.
+        first original appears in the fabric. Groups of cells come from all originals; the parameter
+        ``share`` sets the proportions.
     height, width : size of the rectangle to be written, px; None means the size of the first
         original.
     rng : generator whose first number becomes the seed of all random draws.
     corner : row and column of the first original in the rectangle to be written, counted in cells.
-        If ``corner`` is None, a single original lies in the middle, and the first of several
-        originals lies at the west edge.
+        If ``corner`` is None, a single original lies in the middle of the rectangle; the first of
+        several originals lies at the west edge.
     share : share of each original in the fabric. If ``share`` is None, the shares form a ramp from
         the first original in the west to the last original in the east. If ``share`` is a number
-        from 0 to 1, it is the constant share of the second of two originals. If ``share`` is a
-        sequence, it has one constant for each original. If ``share`` is an array ``(h, w)``, or one
-        array for each original, it covers the rectangle ``share_over``; its edge values continue
-        outside. If ``share`` is a function, it gives the share for the row and the column of a
-        pixel.
-    share_over : rectangle (top, left, height, width) that a ramp or an array covers, px. The rows
-        and columns of ``share_over`` count from the rectangle to be written. If ``share_over`` is
-        None, a ramp or an array covers the rectangle to be written.
-    cell : side of the square cells, px, 2 to 11; it must divide the sides of the originals. If
-        ``cell`` is None, a cell has a side of about 8 m, if possible a multiple of the range
+        from 0 to 1, this number is the constant share of the second of two originals. If ``share``
+        is a sequence, the sequence has a constant share for each original. If ``share`` is an array
+        ``(h, w)``, or one such array for each original, the array covers the rectangle
+        ``share_over``; its edge values continue outside. If ``share`` is a function, the function
+        returns the share for the row and the column of a pixel.
+    share_over : rectangle (top, left, height, width), px, that a ramp or an array of shares covers.
+        The rows and columns of ``share_over`` count from the rectangle to be written. If
+        ``share_over`` is None, a ramp or an array of shares covers the rectangle to be written.
+    cell : side of the square cells, px, 2 to 11; the side must divide the sides of the originals.
+        If ``cell`` is None, a cell has a side of about 8 m, if possible a multiple of the range
         blocks' side.
-    side_min, side_max : smallest and largest side of the groups, rims included, metres, rounded to
-        cells. The smallest side must be 3 cells or more, and the largest side 5 cells or more. Each
-        side of a group must be at most 56 px, and less than the sides of the originals. By default,
-        the largest side is half the originals' shortest side, and the smallest side is half the
-        largest side.
-    tolerance : largest mean difference of heights along the outline of a group, metres.
-    candidates : number of candidates for each group, 1 or more.
+    side_min, side_max : smallest and largest side of a group of cells with its rim, metres, rounded
+        to cells. The smallest side must be 3 cells or more, and the largest side 5 cells or more.
+        Each side of a group must be at most 56 px, and less than the sides of the originals. By
+        default, the largest side of a group is half the originals' shortest side, and the smallest
+        side is half the largest side.
+    tolerance : largest mean difference of heights along the outline of a group of cells, metres.
+    candidates : number of candidates for each group of cells, 1 or more.
     turned : whether groups may be rotated and mirrored; if false, streets keep their directions.
-    size_min, size_max : deprecated forms of ``side_min`` and ``side_max`` in range blocks, for
-        uniform pavements.
+        With ``streets``, a quarter then turns by at most 45°.
+    streets : whether quarters between through streets fill the plane, in place of groups of cells.
+        The bounds ``side_min`` and ``side_max`` then apply to quarters, from 40 m to .55 of the
+        originals' shortest side; by default, quarters have sides of about 130 to 270 m. The
+        parameter ``candidates`` applies to quarters, and ``tolerance`` must keep its default.
+    size_min, size_max : deprecated forms of ``side_min`` and ``side_max``, counted in range blocks,
+        for range blocks of one side.
 
     Raises
     ------
-    OperatorError : a parameter is out of its range.
+    OperatorError : a parameter is out of range.
     GenomeError : the decoding of an original diverges.
     """
     originals = _originals(genome)
     _check_call(rng, tolerance, candidates)
     cell = _cell(originals, cell)
     bounds = {"side_min": side_min, "side_max": side_max, "size_min": size_min}
-    sides = _sides(originals, cell, {**bounds, "size_max": size_max})
+    bounds["size_max"] = size_max
+    sides = _quarter_sides(originals, tolerance, bounds) if streets else None
+    sides = sides or _sides(originals, cell, bounds)
     p = originals[0].pavement
     shape = (p.height if height is None else height), (p.width if width is None else width)
     place = _place(p, shape, corner, cell, len(originals))
-    lattice = Lattice(p.height // cell, p.width // cell, TILE // cell, *sides)
     shares = Shares(len(originals), share, *_over(share_over, shape, place))
-    metres = [side * cell * originals[0].metres_per_pixel for side in sides]
     seed = int(rng.integers(0, 1 << 63))
     how = {
         "tolerance": float(tolerance),
         "candidates": int(candidates),
         "turned": bool(turned),
     }
-    heights = [decode(original).city.heights for original in originals]
-    plane = Plane(heights, cell, lattice, shares, seed, **how)
+    cities = [decode(original).city for original in originals]
+    pixel = originals[0].metres_per_pixel
+    if streets:
+        del how["tolerance"]
+        plane = QuarterPlane(cities, cell, sides, shares, seed, **how)
+        how["streets"] = True
+    else:
+        lattice = Lattice(p.height // cell, p.width // cell, TILE // cell, *sides)
+        plane = Plane([city.heights for city in cities], cell, lattice, shares, seed, **how)
+        sides = [side * cell for side in sides]
     made = {
         "operator": "growth",
         "seed": seed,
         "corner": [at // cell for at in place],
         "cell": cell,
-        "side_min": metres[0],
-        "side_max": metres[1],
+        "side_min": sides[0] * pixel,
+        "side_max": sides[1] * pixel,
         **how,
     }
     if len(originals) > 1:
@@ -144,8 +173,8 @@ def _originals(genome) -> tuple[Genome, ...]:
     wrong = [item for item in several if not isinstance(item, Genome)]
     if wrong:
         raise OperatorError(
-            f"growth: a {type(wrong[0]).__name__} cannot grow",
-            "a Genome, or a sequence of genomes",
+            f"growth: an object of the class {type(wrong[0]).__name__} cannot grow",
+            "an object of the class Genome, or a sequence of such objects",
             "encode a map first: evocity.encode(city).genome",
         )
     pixels = sorted({genome.metres_per_pixel for genome in several})
@@ -165,7 +194,7 @@ def _check_call(rng, tolerance, candidates) -> None:
         raise OperatorError(
             f"growth: {setting('tolerance', tolerance)} is out of range",
             "a tolerance of 0 m or more",
-            "leave tolerance out to use 6 m",
+            "leave the parameter 'tolerance' out to use 6 m",
         )
     expected = "a whole number of candidates, from 1 to 1048576"
     remedy = "leave candidates out to use 600 candidates"
@@ -221,7 +250,7 @@ def _sides(originals, cell: int, parameters: dict) -> tuple[int, int]:
                 f"growth: {setting(f'side_{name}', side)} is given together with "
                 f"{setting(f'size_{name}', size)}",
                 "only one of the two bounds, either in metres or in range blocks",
-                f"leave size_{name} out",
+                f"leave the parameter 'size_{name}' out",
             )
         if side is not None:
             given[f"side_{name}"] = side
@@ -243,6 +272,48 @@ def _sides(originals, cell: int, parameters: dict) -> tuple[int, int]:
     )
 
 
+def _quarter_sides(originals, tolerance: float, parameters: dict) -> tuple[float, float]:
+    """Compute the bounds of the sides of quarters, px, or raise `OperatorError`."""
+    other = {name: parameters[name] for name in ("size_min", "size_max")}
+    other = {name: value for name, value in other.items() if value is not None}
+    if tolerance != TOLERANCE:
+        other["tolerance"] = tolerance
+    if other:
+        raise OperatorError(
+            "growth along streets: "
+            + ", ".join(setting(name, value) for name, value in other.items()),
+            "only parameters that apply to quarters",
+            f"leave out {', '.join(map(keyword, other))}, or grow without streets",
+        )
+    pixel = originals[0].metres_per_pixel
+    shortest = min(min(one.pavement.height, one.pavement.width) for one in originals) * pixel
+    most = LARGEST * shortest
+    usual = min(QUARTER, most / (1 + SPREAD))
+    low, high = parameters["side_min"], parameters["side_max"]
+    if high is None:
+        high = max((1 + SPREAD) * usual, low if is_number(low) else 0)
+    if low is None and is_number(high):
+        low = max(min((1 - SPREAD) * usual, high), min(LEAST_QUARTER, high))
+    if all(map(is_number, (low, high))) and LEAST_QUARTER <= low <= high <= most * (1 + 1e-9):
+        return low / pixel, high / pixel
+    given = [
+        setting(name, parameters[name])
+        for name in ("side_min", "side_max")
+        if parameters[name] is not None
+    ]
+    if most < LEAST_QUARTER:
+        raise OperatorError(
+            f"growth along streets: a map with a side of {shortest:g} m",
+            f"sides of at least {LEAST_QUARTER / LARGEST:.0f} m",
+            "read the map larger, or grow without streets",
+        )
+    raise OperatorError(
+        f"growth along streets: {', '.join(given)}",
+        f"{LEAST_QUARTER:g} to {most:g} m, the smaller at most the larger",
+        "change these sides, or leave them out",
+    )
+
+
 def _in_cells(originals, name: str, size, cell: int) -> int:
     """Convert a size in range blocks to cells."""
     blocks = _blocks_of(originals)
@@ -250,8 +321,8 @@ def _in_cells(originals, name: str, size, cell: int) -> int:
     if blocks or block is None:
         raise OperatorError(
             f"growth: {setting(name, size)} does not apply to range blocks of several sides",
-            f"the parameter {name.replace('size', 'side')} with a bound in metres",
-            f"replace {name} by {name.replace('size', 'side')}",
+            f"the parameter '{name.replace('size', 'side')}' with a bound in metres",
+            f"replace '{name}' by '{name.replace('size', 'side')}'",
         )
     if not is_whole(size):
         return -1
@@ -272,7 +343,7 @@ def _over(over, shape, place) -> tuple[tuple[int, int], tuple[int, int]]:
             f"growth: {setting('share_over', over)} is not a rectangle",
             "whole numbers of pixels (top, left, height, width), with height and width of 1 or "
             "more",
-            "leave share_over out to spread the share over the whole written map",
+            "leave the parameter 'share_over' out to spread the share over the whole written map",
         )
     return tuple(over[2:]), (place[0] - over[0], place[1] - over[1])
 
@@ -294,6 +365,6 @@ def _place(p, shape, corner, cell: int, count: int) -> tuple[int, int]:
         raise OperatorError(
             f"growth: {setting('corner', corner)} is not a cell",
             f"two whole numbers (row, column), counted in cells of {cell} px",
-            "leave corner out to start in the middle",
+            "leave the parameter 'corner' out to start in the middle",
         )
     return int(corner[0]) * cell, int(corner[1]) * cell

@@ -28,8 +28,8 @@ class Shares:
         if self.count == 1:
             raise OperatorError(
                 "growth: a share is given for a single genome",
-                "at least two genomes if there is a share",
-                "leave share out, or name a second genome",
+                "at least two genomes if the parameter 'share' is given",
+                "leave the parameter 'share' out, or name a second genome",
             )
         try:
             share = np.asarray(share, float)
@@ -89,9 +89,9 @@ class Shares:
 
     def _fault(self, found: str) -> OperatorError:
         several = f"{self.count} numbers of 0 or more, at least one above 0"
-        single = "a number from 0 to 1 for the second original, or " if self.count == 2 else ""
+        single = "a number from 0 to 1 for the second genome, or " if self.count == 2 else ""
         return OperatorError(
-            f"growth: {text_setting('share', found)} is not a share of the originals",
+            f"growth: {text_setting('share', found)} is not a share of the genomes",
             f"{single}{several}; or an array of such numbers, or a function of row and column",
-            "give another share, or leave share out to use a ramp from west to east",
+            "give another share, or leave 'share' out to use a ramp from west to east",
         )

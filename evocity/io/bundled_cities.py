@@ -30,7 +30,8 @@ DISTRICTS = {
 
 
 def cities() -> list[str]:
-    """List the names of the bundled districts, sorted. `evocity.read_map` accepts these names."""
+    """List the names of the bundled districts, sorted. The function `evocity.read_map` accepts the
+    names of bundled districts."""
     return sorted(DISTRICTS)
 
 
@@ -39,7 +40,7 @@ def attribution_of(name: str) -> str:
 
     Raises
     ------
-    MapError : no district has this name; the message lists the existing names.
+    MapError : no district has the given name; the message lists the existing names.
     """
     _check(name)
     return DISTRICTS[name].attribution

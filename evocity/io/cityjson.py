@@ -58,7 +58,7 @@ def read_cityjson(path: Path, document: dict) -> Footprints:
         shapely.errors.GEOSException,
     ) as error:
         raise MapError(
-            f"{path.name}: its CityJSON cannot be read ({type(error).__name__}: {error})",
+            f"{path.name}: the CityJSON cannot be read ({type(error).__name__}: {error})",
             "CityJSON 1.0 to 2.0 with CityObjects, vertices and their geometry",
             "check the file with a CityJSON validator, or export it again",
         ) from error

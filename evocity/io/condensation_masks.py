@@ -23,24 +23,24 @@ def read_condensation(
     city: CityMap,
     heights: str | os.PathLike | float | None = None,
 ) -> tuple[Condensation, str]:
-    """Read a condensation on the grid of ``city``, and the attribution that the licences of its
-    files demand.
+    """Read a condensation on the grid of ``city``, together with the attribution that the licences
+    of the files demand.
 
     Parameters
     ----------
     place : file in any format that `read_map` reads. The condensation fixes pixels with their
         centre in a polygon of the file, or with a raster value above 0.
     city : map to encode, or another map on the same grid.
-    heights : source of the fixed heights; None uses the heights of ``city``. If ``heights`` is a
-        number, all pixels get this height, metres. A raster file (GeoTIFF, NPY) gives heights in
-        metres, and 0 for missing values. A file of footprints gives heights according to the rules
-        of `evocity.io.heights`, or 6 m if no rule applies.
+    heights : number or file that gives the fixed heights; None uses the heights of ``city``. If
+        ``heights`` is a number, all pixels of the condensation get this height, metres. A raster
+        file (GeoTIFF, NPY) gives heights in metres, and 0 for missing values. A file of footprints
+        gives heights according to the rules of `evocity.io.heights`, or 6 m if no rule applies.
 
     Raises
     ------
-    MapError : a file cannot be read, or its raster differs in size from the city. A height that is
-        not 0 to 1000 m raises MapError, and so does a file that covers no pixel of the city. If the
-        city has no place on Earth, a file with a place on Earth raises MapError.
+    MapError : a file cannot be read, or a raster differs in size from the city. MapError is raised,
+        too, for a height outside 0 to 1000 m, and for a file that covers no pixel of the city. If
+        the city has no place on Earth, a file with a place on Earth raises MapError.
     """
     mask, attribution = _mask(place, city)
     lines = [attribution]
@@ -50,7 +50,7 @@ def read_condensation(
     elif heights is not None:
         if not 0 <= heights <= TALLEST:  # nor NaN
             raise MapError(
-                f"a condensed height of {heights:g} m is out of range",
+                f"the fixed height of {heights:g} m is out of range",
                 f"a height from 0 m (ground) to {TALLEST:g} m",
                 "give the height above ground, or a file of heights",
             )
@@ -60,8 +60,8 @@ def read_condensation(
 
 
 def read_mask(place: str | os.PathLike, cities: Sequence[CityMap]) -> np.ndarray:
-    """Read a mask, bool ``(H, W)``, from the file ``place``, on the first of ``cities`` that the
-    file covers.
+    """Read a mask, bool ``(H, W)``, from the file ``place``, for the first city in ``cities`` that
+    the file covers.
 
     A pixel of the mask is true in two cases: its centre lies in a polygon of the file, or its
     raster value exceeds 0. All ``cities`` must have the same size.
@@ -118,9 +118,9 @@ def _on_grid(grid: Grid, city: CityMap, name: str) -> np.ndarray:
             there, here = (f"{h} × {w} px" for h, w in (grid.heights.shape, city.shape))
             raise MapError(
                 f"{name} has {there}, but {city.name} has {here}",
-                "two rasters of the same size; or two rasters of which each has coordinates on "
-                "Earth",
-                f"make the raster {here}, with the same pixels as the map",
+                "two rasters of the same size; or two rasters that both have a coordinate "
+                "reference system",
+                f"write the raster with {here}, the pixels of the map",
             )
         return grid.heights
     crs = crs_of(city, name)

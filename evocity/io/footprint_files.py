@@ -192,8 +192,8 @@ def placement(city: CityMap) -> tuple[str | None, tuple[float, float]]:
 def no_geojson(name: str) -> MapError:
     """Make the error for GeoJSON of a map without a place on Earth."""
     return MapError(
-        f"{name} has no place on Earth, but GeoJSON needs longitude and latitude",
-        "a map with a reference system (RFC 7946 allows only WGS84)",
+        f"{name} has no position in a reference system, but GeoJSON needs longitude and latitude",
+        "a map with a coordinate reference system and an origin, which evocity converts to WGS84",
         "write a .gpkg, which accepts local metres; or give the map the coordinates of a source "
         f"city with {keyword('at')}",
     )
@@ -243,7 +243,7 @@ def _system(city: CityMap, name: str) -> CRS:
 
 def _range_error(name: str) -> MapError:
     return MapError(
-        f"{name} lies across the 180th meridian, or beyond its reference system",
+        f"{name} lies across the 180th meridian, or outside the area of its reference system",
         "a map on one side of this meridian, inside the area of its reference system",
         "write a .gpkg, which keeps the map's own coordinates, or a raster",
     )

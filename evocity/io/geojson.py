@@ -30,7 +30,7 @@ def read_json(path: Path, request: Request) -> Footprints:
     if kind in ("Polygon", "MultiPolygon", "GeometryCollection"):
         return _footprints(path, {}, [{"geometry": document, "properties": {}}])
     raise MapError(
-        f"{path.name}: its JSON has the type {kind!r}",
+        f"{path.name}: the JSON has the type {kind!r}",
         "a GeoJSON FeatureCollection of polygons, or CityJSON",
         "export the building footprints as GeoJSON or CityJSON",
     )
@@ -39,7 +39,7 @@ def read_json(path: Path, request: Request) -> Footprints:
 def _footprints(path: Path, document: dict, features: object) -> Footprints:
     if not isinstance(features, list):
         raise MapError(
-            f"{path.name}: its member 'features' is not a list",
+            f"{path.name}: the member 'features' is not a list",
             "a GeoJSON FeatureCollection",
             "export the file again as GeoJSON",
         )
@@ -139,7 +139,7 @@ def _window(path: Path, window: object):
     projection = parse_crs(named, f"{where}, 'projection'")
     if not is_metric(projection):
         raise MapError(
-            f"{where}: projection {named!r} is invalid",
+            f"{where}: the projection {named!r} is invalid",
             "a projection in metres",
             "correct the projection, or remove it to use a local projection",
         )

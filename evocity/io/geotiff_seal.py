@@ -55,9 +55,9 @@ def check_seal(path: Path) -> None:
             if value[16:] == _digest(file, size, place):
                 return
     raise MapError(
-        f"{path.name} is damaged: its bytes are not the ones that evocity wrote",
-        "the file as evocity wrote it, or a file that another program saved",
-        "restore the file from a copy; if you changed it on purpose, remove the seal: "
+        f"{path.name} is damaged: its content does not match its checksum",
+        "an unchanged file from evocity, or a file that another program saved",
+        "restore the file from a copy; if you changed the file on purpose, remove its checksum: "
         f"rio edit-info --tag {SEAL}= {path.name}",
     )
 

@@ -35,7 +35,7 @@ WIDEST = 1000.0
 
 @dataclass(frozen=True, eq=False)
 class PlacedLines:
-    """Polylines with their reference system.
+    """Polylines, the reference system of their coordinates, and their attribution.
 
     Each line is float ``(n, 2)``, metres: x to the east, y to the north. The field ``crs`` is a
     code, a plain PROJ string, or None for lines without a place on Earth. The field ``attribution``
@@ -85,10 +85,11 @@ def read_lines(path: str | os.PathLike) -> PlacedLines:
     lon, lat = transform_points(*((points.min(axis=0) + points.max(axis=0)) / 2), source, WGS84)
     if not (math.isfinite(lon) and abs(lon) <= 180 and abs(lat) < 90):
         raise MapError(
-            f"{path.name}: the middle of its lines, {lon:g}, {lat:g}, is not a place on Earth",
-            "longitude and latitude in degrees",
+            f"{path.name}: the middle of its lines, {lon:g}, {lat:g}, is not a longitude and "
+            "latitude",
+            "coordinates as longitude and latitude in degrees",
             'do one of these: repair the coordinates; add a "crs" member; set "window": true for '
-            "metres without a place on Earth",
+            "metres without a reference system",
         )
     target = parse_crs(portable_code(local_metres(round(lon, 6), round(lat, 6))), path.name)
     moved = tuple(_transform_line(line, source, target, path.name) for line in lines)
@@ -96,9 +97,9 @@ def read_lines(path: str | os.PathLike) -> PlacedLines:
 
 
 def write_lines(placed: PlacedLines, path: str | os.PathLike) -> None:
-    """Write lines as GeoJSON that `read_lines` can read. Lines on Earth are written in degrees;
-    lines without a place on Earth are written in metres, with ``"window": true``. Raises `MapError`
-    if the file cannot be written."""
+    """Write lines as GeoJSON that `read_lines` can read. Lines with a place on Earth are written in
+    degrees; lines without a place on Earth are written in metres, with ``"window": true``. Raises
+    `MapError` if the file cannot be written."""
     lines = list(placed.lines)
     if placed.crs is not None:
         source = parse_crs(placed.crs, "crs")
@@ -132,7 +133,7 @@ def line_on(city: CityMap, line: np.ndarray, crs: str | None) -> np.ndarray:
 
     A city with a place on Earth has coordinates in its reference system; a city without a place has
     metres from its south-west corner. A line without ``crs`` is in metres from the south-west
-    corner of the city. Raises `MapError` if the line lies on Earth and the city does not.
+    corner of the city. Raises `MapError` if the line has a place on Earth and the city has not.
     """
     if crs is None:
         if city.origin is None:

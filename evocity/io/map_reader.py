@@ -98,8 +98,8 @@ def read_map(
     ----------
     source : path, or name of a bundled district. The suffix of the file chooses the reader
         (`READERS`): GeoJSON, CityJSON, GeoPackage, Shapefile, OSM XML and PBF, GeoTIFF, PNG, NPY.
-    pixels : side of the square window, px. By default, the window has 256 px for footprints, and
-        covers a raster completely.
+    pixels : number of pixels along each side of the square window. By default, the window has 256 ×
+        256 px for a file of footprints, and covers a raster completely.
     metres_per_pixel : side of a pixel, metres. By default, footprints get pixels of 2.0 m, and a
         GeoTIFF keeps its own pixel size. PNG and NPY files require the option ``metres_per_pixel``.
     center : centre of the window, ``(longitude, latitude)``. By default, the centre comes from the
@@ -111,16 +111,16 @@ def read_map(
         `evocity.io.heights`).
     height_scale : metres per grey level (required for PNG), or per unit (GeoTIFF, NPY).
     name : name of the map; by default the name of the district, or of the file.
-    attribution : credit that the licence of the source demands, at most 1000 characters; it
-        replaces the file's own credit. For a bundled district, the argument ``attribution`` has no
-        effect.
+    attribution : credit that the licence of the source demands, at most 1000 characters; this
+        argument replaces the file's own credit. For a bundled district, the argument
+        ``attribution`` has no effect.
 
     Returns
     -------
     CityMap : map whose pixels measure true metres on the ground. Footprints are projected to the
-        metric projection that the file names, or else to a transverse Mercator about the centre. A
-        raster keeps its pixels if they are square, have the requested size, and measure true metres
-        on the ground.
+        metric projection that the file names, or, without a name, to a transverse Mercator about
+        the centre. A raster keeps its pixels if they are square, have the requested size, and
+        measure true metres on the ground.
 
     Raises
     ------
@@ -159,7 +159,7 @@ def data_of(source: str | os.PathLike, request: Request) -> tuple[Footprints | G
 
 def name_of(source: str | os.PathLike) -> str:
     """Find the default name of a map: the name in a GeoTIFF, or else the file's name without
-    suffix. Raises `MapError` in the same cases as `read_map`."""
+    suffix. Raises `MapError` in the cases in which `read_map` raises it."""
     path, _ = _locate(source)
     suffix, reader = _reader_of(path)
     own = data_of(source, Request())[0].name if reader is _TIFF else None
@@ -297,7 +297,7 @@ def _check_content(path: Path, reader: Reader) -> None:
     content = content_of(head)
     if reader.content is not None and content != reader.content:
         raise MapError(
-            f"{path.name} holds {content if content != 'unknown' else 'something else'}",
+            f"{path.name} holds {content if content != 'unknown' else 'data in an unknown format'}",
             f"{reader.content}, as the suffix of the file name says",
             "give the file name the suffix of its format, or export the file again",
         )

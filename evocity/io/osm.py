@@ -54,7 +54,7 @@ def read_osm(path: Path, request: Request) -> Footprints:
         raise MapError(
             f"{path.name} cannot be read as OpenStreetMap data: {str(error)[:200]}",
             "a complete extract, as XML (.osm) or PBF (.osm.pbf)",
-            "download the file again; it may be cut off",
+            "download the file again, because it may be cut off",
         ) from error
     return _assemble(relations, ways, places)
 

@@ -51,7 +51,7 @@ def parse_crs(text: object, where: str) -> CRS:
         return flat(CRS.from_user_input(text))
     except ProjError as error:
         raise MapError(
-            f"{where}: unknown reference system {str(text)[:80]!r}",
+            f"{where}: the reference system {str(text)[:80]!r} is unknown",
             "a code that PROJ knows, for example EPSG:2154; or no entry if the coordinates are "
             "longitude and latitude",
             "correct the entry, or convert the file with ogr2ogr -t_srs EPSG:4326",

@@ -68,7 +68,7 @@ def read_geotiff(path: Path, request: Request) -> Grid:
         raise MapError(
             f"{path.name} cannot be read as GeoTIFF: {error.__cause__ or error}",
             "a complete GeoTIFF",
-            "download or export the file again; it may be cut off",
+            "download or export the file again, because it may be cut off",
         ) from error
     return Grid(
         heights=ground,
@@ -135,7 +135,7 @@ def read_png(path: Path, request: Request) -> Grid:
         raise MapError(
             f"{path.name} cannot be read as PNG: {str(error)[:200] or type(error).__name__}",
             "a complete PNG of at most 170 million pixels, without long text metadata",
-            "export the file again; it may be cut off",
+            "export the file again, because it may be cut off",
         ) from error
     if request.height_scale is None:
         scale = float(f"{50 / max(1, int(levels.max())):.4g}")

@@ -131,8 +131,8 @@ def rasterize_onto(
     crs = crs_of(city, name)
     if footprints.crs.is_engineering:
         raise MapError(
-            f"{name} has no place on Earth, but the map {city.name} has a place on Earth",
-            "footprints with a reference system on Earth",
+            f"{name} has no coordinate reference system, but the map {city.name} has one",
+            "footprints with a coordinate reference system",
             "assign a reference system to the footprints, for example with ogr2ogr -a_srs EPSG:…",
         )
     _check_polygons(footprints.polygons, f"{name} has no polygon")
@@ -157,10 +157,11 @@ def _rasterize_onto(
         west, south, east, north = places.bounds
         lon, lat = transform_points(left + columns * side / 2, top - rows * side / 2, crs, WGS84)
         raise MapError(
-            f"{name}: none of {len(footprints.polygons)} footprints covers a pixel of {city.name}",
-            f"footprints within the {columns * side:g} × {rows * side:g} m about {lon:.5f}, "
-            f"{lat:.5f}; the file's footprints lie from longitude {west:.5f} to {east:.5f} and "
-            f"latitude {south:.5f} to {north:.5f}",
+            f"{name}: the footprints ({len(footprints.polygons)} in all) cover no pixel of "
+            f"{city.name}",
+            f"footprints within {columns * side:g} × {rows * side:g} m around longitude {lon:.5f}, "
+            f"latitude {lat:.5f}; the file's footprints lie from longitude {west:.5f} to "
+            f"{east:.5f} and latitude {south:.5f} to {north:.5f}",
             "draw the footprints on this map, or choose a window around them",
         )
     return painted
@@ -171,15 +172,16 @@ def crs_of(city: CityMap, name: str) -> CRS:
     Earth, on which ``name`` cannot lie."""
     if city.crs is None or city.origin is None:
         raise MapError(
-            f"{city.name} has no place on Earth, but {name} needs a map with a place on Earth",
-            "a map with a reference system, or a mask of the map's own pixels",
+            f"{city.name} has no position in a coordinate reference system, but {name} needs a "
+            "position",
+            "a map with a reference system and an origin, or a mask of the map's own pixels",
             "give a mask as .npy, .png or .tif instead",
         )
     try:
         return CRS.from_user_input(city.crs)
     except ProjError as error:
         raise MapError(
-            f"{city.name}: unknown reference system {city.crs[:80]!r}",
+            f"{city.name}: the reference system {city.crs[:80]!r} is unknown",
             "a code that PROJ knows, or WKT",
             "read the map from a file with a valid reference system",
         ) from error
@@ -256,9 +258,10 @@ def _places(polygons: np.ndarray, footprints: Footprints, name: str) -> _Places:
         example = ", ".join(f"{edge:g}" for edge in boxes[beyond.argmax()][:2])
         limits = " (longitude ±180, latitude ±90)" if crs == WGS84 else ""
         raise MapError(
-            f"{name}: {beyond.sum()} of {len(boxes)} footprints are out of range, e.g. ({example})",
+            f"{name}: {beyond.sum()} of {len(boxes)} footprints are out of range, for example "
+            f"({example})",
             f"coordinates in {crs.name}{limits}",
-            "name the file's own reference system (the 'crs' member of an older GeoJSON), "
+            "state the right reference system in the file (in GeoJSON the member 'crs'), "
             "or repair the coordinates",
         )
     return _Places(degrees)
@@ -306,7 +309,7 @@ def _local_center(
     if any(axis.unit_conversion_factor != 1.0 for axis in footprints.crs.axis_info):
         raise MapError(
             f"{name}: its local coordinates are in {footprints.crs.axis_info[0].unit_name}",
-            "local coordinates in metres, or a reference system on Earth",
+            "local coordinates in metres, or a coordinate reference system",
             "assign a reference system, for example with ogr2ogr -a_srs EPSG:…",
         )
     return footprints.center or _Places(shapely.bounds(polygons)).middle

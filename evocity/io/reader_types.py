@@ -18,7 +18,7 @@ from evocity.errors import MapError, keyword
 
 @dataclass(frozen=True)
 class Request:
-    """Arguments of a call of `read_map`, under the same names."""
+    """Arguments of a call of `read_map`; the fields have the names of the arguments."""
 
     pixels: int | None = None
     metres_per_pixel: float | None = None
@@ -43,9 +43,9 @@ class Footprints:
         have an engineering system in metres.
     center : (longitude, latitude) of the centre of the window that the file names, or None. If
         polygons have no place on Earth, the centre is (x, y) in the engineering system.
-    projection : metric reference system that the file names, or None.
-    side : side of the window that the file names, metres, or None. The field ``side`` appears only
-        in the note about the map; the request sets the size of the window.
+    projection : metric reference system that the file names; None if the file names no such system.
+    side : side of the window that the file names, metres; None if the file names no side. The note
+        about the map repeats the field ``side``, but the request sets the size of the window.
     bare : whether the file names a window without any building.
     """
 
@@ -66,8 +66,8 @@ class Grid:
     Attributes
     ----------
     heights : heights above ground, ``(H, W)``, metres; ground is 0.
-    crs, transform : place of the raster on Earth, as in rasterio. The field ``crs`` is None if the
-        reference system is unknown.
+    crs, transform : coordinate reference system and affine transform of the raster, as in rasterio.
+        The field ``crs`` is None if the reference system is unknown.
     metres_per_pixel : side of a pixel in metres, or None; a file without ``crs`` can give this
         side.
     """
@@ -136,8 +136,8 @@ def check_size(name: str, height: int, width: int) -> None:
         raise MapError(
             f"{name}: {height} × {width} pixels are too many",
             f"at most {MAX_SIDE} pixels per side and {MAX_PIXELS // 10**6} million in all",
-            f"choose a smaller window or larger pixels: for footprints with {keyword('pixels')} "
-            f"and {keyword('metres_per_pixel')}, for a raster with gdal_translate",
+            f"choose a smaller window or larger pixels; for footprints use {keyword('pixels')} "
+            f"and {keyword('metres_per_pixel')}; for a raster use gdal_translate",
         )
 
 
@@ -145,8 +145,9 @@ def refuse_center(request: Request, name: str) -> None:
     """Raise `MapError` if a center is given for the file ``name``, which has no place on Earth."""
     if request.center is not None:
         raise MapError(
-            f"{name} has no place on Earth, so {keyword('center', request.center)} cannot apply",
-            f"a file with a place on Earth, or a call without {keyword('center')}",
+            f"{name} has no coordinate reference system, so {keyword('center', request.center)} "
+            "cannot apply",
+            f"a file with a coordinate reference system, or a call without {keyword('center')}",
             f"leave {keyword('center')} out to use a window around the middle of the map",
         )
 

@@ -49,7 +49,7 @@ def placement_errors(name: str) -> Iterator[None]:
             yield
     except (CPLE_BaseError, RasterioError, ProjError, ArithmeticError, ValueError) as error:
         raise MapError(
-            f"{name}: its pixels cannot be placed on the ground ({str(error)[:200]})",
+            f"{name}: the positions of the pixels cannot be computed ({str(error)[:200]})",
             "a geotransform that is valid in the reference system of the file",
             "repair the file's georeference, for example with gdal_edit",
         ) from error
@@ -116,7 +116,7 @@ def _middle(grid: Grid, name: str) -> tuple[float, float]:
     lon, lat = transform_points(*_at(grid.transform, columns / 2, rows / 2), grid.crs, WGS84)
     if not (abs(lon) <= 180 and abs(lat) <= 90):
         raise MapError(
-            f"{name}: its middle has no place on Earth in {grid.crs.name}",
+            f"{name}: the middle of the raster lies outside the area of {grid.crs.name}",
             "coordinates that are valid in the reference system of the file",
             "repair the file's georeference, for example with gdal_edit",
         )

@@ -146,7 +146,7 @@ def _center(path: Path, metadata: Mapping[str, str]) -> tuple[float, float] | No
         x = y = math.nan
     if not (math.isfinite(x) and math.isfinite(y)):
         raise MapError(
-            f"{path.name}: {CENTER_TAG} {text[:80]!r} in the metadata is invalid",
+            f"{path.name}: the metadata entry {CENTER_TAG} = {text[:80]!r} is invalid",
             "two numbers, longitude and latitude",
             "correct this entry, or remove it to use the middle of the buildings",
         )

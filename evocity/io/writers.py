@@ -58,25 +58,28 @@ def write_map(
 
     A ``.tif`` file holds float32 heights with reference system, pixel size and attribution. Reading
     a ``.tif`` file restores the same heights bit for bit. A ``.png`` file is a picture with the
-    attribution and a colour scale in metres. A ``.npy`` file holds only the array, metres.
+    attribution and a colour scale in metres. A ``.npy`` file holds only the array of heights,
+    metres.
 
     A ``.gpkg`` or ``.geojson`` file holds one polygon for each building of `CityMap.buildings`;
-    courtyards are holes. The columns are ``id`` (label of the building), ``height`` (mean of its
-    pixels, m) and ``area`` (m²). A file of polygons contains the attribution of the map.
+    courtyards are holes. A file of polygons has the columns ``id`` (label of the building),
+    ``height`` (mean height of its pixels, m) and ``area`` (m²). A file of polygons contains the
+    attribution of the map.
 
     The polygons have the straight walls of `CityMap.walls`, and form a valid coverage. With the
     option ``raw``, the polygons follow the edges of the pixels (`CityMap.outline`). If you read a
-    ``raw`` file with the same ``pixels`` and ``metres_per_pixel``, each pixel gets the height of
-    its building.
+    ``raw`` file with the ``pixels`` and ``metres_per_pixel`` of the map, each pixel gets the height
+    of its building.
 
-    A GeoPackage has one layer, ``buildings``, in the map's reference system. Without a place on
-    Earth, coordinates are metres from the map's south-west corner. For coordinates without a place
-    on Earth, GIS programs show an undefined Cartesian system. GeoJSON is in longitude and latitude
-    (RFC 7946).
+    A GeoPackage has one layer, ``buildings``, in the map's reference system. For a map without a
+    place on Earth, coordinates are metres from the map's south-west corner. For coordinates without
+    a place on Earth, GIS programs show an undefined Cartesian reference system. Coordinates in a
+    `.geojson` file are longitude and latitude (RFC 7946).
 
-    The option ``streets``, only for ``.gpkg``, adds `CityMap.street_graph` to the file. The street
-    graph becomes the layers ``street_edges`` (with the nodes u and v, length, width and kind),
-    ``street_nodes`` and ``places``. With ``streets``, each building also has a column ``quarter``.
+    The option ``streets``, only for ``.gpkg``, adds the graph `CityMap.street_graph` to the file.
+    The street graph becomes three layers: ``street_edges`` (with the nodes u and v, length, width
+    and kind), ``street_nodes`` and ``places``. With the option ``streets``, the layer of buildings
+    has the additional column ``quarter``.
 
     The option ``walls``, only for ``.gpkg``, writes walls from `CityMap.walled` instead of
     `CityMap.walls`. The option ``columns`` maps the names of additional columns of the polygons to
@@ -85,15 +88,15 @@ def write_map(
     Raises
     ------
     MapError : the suffix is unknown, the folder is missing, or the file cannot be written. The
-        options ``streets`` and ``walls`` raise MapError for a format other than ``.gpkg``. GeoJSON
-        of a map without a place on Earth, or across the 180th meridian, raises MapError. After an
-        error, no partial file remains, and an existing file stays unchanged.
+        options ``streets`` and ``walls`` raise MapError for a format other than ``.gpkg``. MapError
+        is raised, too, for GeoJSON of a map without a place on Earth, or of a map across the 180th
+        meridian. After an error, no partial file remains, and an existing file stays unchanged.
     """
     writers = WRITERS | RAW_WRITERS if raw else WRITERS
     if raw and walls is not None:
         raise MapError(
-            "raw outlines and the parameter walls= are both given",
-            "either raw outlines or the parameter walls=",
+            "raw outlines and the parameter 'walls' are both given",
+            "either raw outlines or the parameter 'walls'",
             f"leave {keyword('raw')} out",
         )
     if streets or walls is not None:
@@ -113,31 +116,31 @@ def write_field(field: Field, path: str | os.PathLike) -> None:
     """Write values on the grid of a city; the suffix of ``path`` chooses the format.
 
     A ``.tif`` file holds float32 values with title, unit, reference system and attribution. A
-    ``.png`` file is a picture with a colour scale. A ``.npy`` file holds only the array. Raises the
-    same errors as `write_map`.
+    ``.png`` file is a picture with a colour scale. A ``.npy`` file holds only the array. Raises
+    `MapError` in the cases in which `write_map` raises it.
     """
     _write(field, path, FIELD_WRITERS)
 
 
 def write_shares(shares: Shares, path: str | os.PathLike) -> None:
-    """Write the shares of several parts in each pixel of a city; the suffix of ``path`` chooses the
-    format.
+    """Write the shares of several parts, for example source cities, in each pixel of a city; the
+    suffix of ``path`` chooses the format.
 
     A ``.png`` file is a picture with one hue for each part. A ``.npy`` file holds only the array
-    ``(H, W, n)``. Raises the same errors as `write_map`.
+    ``(H, W, n)`` of the n parts. Raises `MapError` in the cases in which `write_map` raises it.
     """
     _write(shares, path, SHARES_WRITERS)
 
 
 def write_leaves(leaves: Leaves, path: str | os.PathLike) -> None:
-    """Write a picture of a map with the borders of its range blocks, as ``.png``. Raises the same
-    errors as `write_map`."""
+    """Write a picture of a map with the borders of its range blocks, as ``.png``. Raises `MapError`
+    in the cases in which `write_map` raises it."""
     _write(leaves, path, LEAVES_WRITERS)
 
 
 def write_faces(faces: Faces, path: str | os.PathLike) -> None:
-    """Write a picture of a map with the faces between its streets, as ``.png``. Raises the same
-    errors as `write_map`."""
+    """Write a picture of a map with the faces between its streets, as ``.png``. Raises `MapError`
+    in the cases in which `write_map` raises it."""
     _write(faces, path, FACES_WRITERS)
 
 
@@ -150,7 +153,8 @@ def write_windows(
 
     A ``.tif`` file is a tiled GeoTIFF with the contents that `write_map` gives; a very large map
     becomes a BigTIFF. A ``.npy`` file holds only the array. The function ``progress`` is called
-    with two numbers: the finished rows and all rows. Raises the same errors as `write_map`.
+    with two numbers: the number of finished rows, and the number of all rows. Raises `MapError` in
+    the cases in which `write_map` raises it.
     """
     writers = {
         suffix: functools.partial(write, progress=progress)
@@ -207,7 +211,7 @@ def open_output(path: Path) -> Iterator[Path]:
         raise MapError(
             f"{str(path)!r} cannot be written: {error}",
             "a folder that you may write to, on a disk with free space",
-            "check permissions and free space, or choose another place",
+            "check permissions and free space, or choose another folder",
         ) from error
 
 

@@ -28,7 +28,10 @@ class Fabric(Kind):
     format."""
 
     name = "fabric"
-    first_operators = ("quarter_fusion", "pavement_fusion"), ("quarter_refill", "mutation")
+    first_operators = (
+        ("quarter_fusion", "plan_fusion", "pavement_fusion"),
+        ("quarter_refill", "plan_fusion", "mutation"),
+    )
     default_operators: ClassVar = {
         "quarter_fusion": {"weight": 2, "fill": {"from": 0.05, "to": 0.6}},
         "height_scaling": {"weight": 2},

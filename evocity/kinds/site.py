@@ -137,7 +137,8 @@ def _course(section: Any, city: CityMap, folder: Path) -> CurveForm:
     side = city.shape[1] * pixel
     if section.width < pixel:
         raise GenomeError(
-            f"width = {section.width:g} m is less than a pixel of {pixel:g} m",
+            f"the width of the curve, {section.width:g} m, is less than the side of a pixel, "
+            f"{pixel:g} m",
             "a width of at least one pixel",
             "increase the width of the curve, or choose smaller pixels in [map]",
         )

@@ -67,7 +67,7 @@ def place_line(
         return line
     if origin is None or crs is None:
         raise MapError(
-            f"{name} has points in degrees, but the window has no place on Earth",
+            f"{name} has points in degrees, but the window has no position in a reference system",
             'points in metres from the corner of the window, with "window": true in the file',
             "convert the points of the line to metres",
         )
@@ -87,7 +87,7 @@ def cut_to_window(line: np.ndarray, side: float, name: str) -> np.ndarray:
     parts = [part for part in shapely.get_parts(inside) if part.length > 0]
     if not parts:
         raise MapError(
-            f"{name} lies outside the window of {side:g} m",
+            f"the line {name} lies outside the window, a square of {side:g} m",
             "a line that runs through the window",
             "choose another centre in [[parents]], or another line",
         )

@@ -19,7 +19,13 @@ from .lambda_field import LambdaField as LambdaField
 from .mutation import Mutation as Mutation
 from .pavement_fusion import DirectFusion as DirectFusion
 from .pavement_fusion import PavementFusion as PavementFusion
+from .plan_change import PlanChange as PlanChange
+from .plan_crossing import PlanCrossing as PlanCrossing
 from .plan_fusion import PlanFusion as PlanFusion
+from .plan_return import PlanReturn as PlanReturn
+from .plan_seam import PlanSeam as PlanSeam
+from .plan_spread import PlanSpread as PlanSpread
+from .plan_storeys import PlanStoreys as PlanStoreys
 from .quarter_fusion import QuarterFusion as QuarterFusion
 from .quarter_fusion import QuarterRefill as QuarterRefill
 from .rearrangements import BlockExchange as BlockExchange

@@ -18,20 +18,20 @@ _ALIKE: Check = (lambda rms: rms >= 0, "0 m or more")
 @dataclass(frozen=True)
 class AsymmetricFusion(Drafting):
     """Rebuild the first parent's map from range blocks of the second parent (Marsault 2002 §4.3,
-    2005 §2.3). In the papers, the fusion of the first parent from blocks of the second parent is
+    2005 §2.3). In the papers, the fusion of the first parent with blocks of the second parent is
     called 1mod2.
 
     For each range block r1 of the first parent's decoded map, the operator chooses the block with
     the most similar heights, r2, in the second parent's decoded map. If several blocks are equally
-    similar, their surroundings decide (topological collage). In the child, range block r1 of the
-    first parent gets the lifs of block r2 from the second parent. Parents in the opposite order
-    give the fusion 2mod1.
+    similar, the surroundings of these blocks decide (topological collage). In the child, range
+    block r1 of the first parent gets the lifs of block r2 from the second parent. In the papers,
+    the fusion of the second parent with blocks of the first parent is called 2mod1.
 
-    In the papers, the domain block of a copied lifs stays at its old position. At the place of this
-    domain block, the child has the first parent's plan instead of the second city, so the papers'
-    children crumble. With collage repair, the child shows the intended mosaic: the plan of the
-    first city, in range blocks of the second city. The papers' results are better with B = 8 than
-    with B = 4, because larger blocks show more of their own city.
+    In the papers, the domain block of a copied lifs stays at its old position. At the old position
+    of the domain block, the child has the first parent's plan instead of the second city, so the
+    papers' children crumble. With collage repair, the child shows the intended mosaic: the plan of
+    the first city, in range blocks of the second city. The papers' results are better with range
+    blocks of 8 px than of 4 px, because larger blocks show more of their own city.
 
     Every lifs keeps the values ``parent`` and ``source`` that it has in the second parent. The
     child's list of cities includes the cities of the first parent, although no lifs comes from
@@ -39,14 +39,15 @@ class AsymmetricFusion(Drafting):
 
     Parameters
     ----------
-    isometries : whether blocks are compared under all 8 isometries of the square. The isometry that
-        turns block r2 to block r1 is combined with the isometry of the lifs.
+    isometries : whether blocks are compared under all 8 isometries of the square. The operator
+        combines the isometry that turns block r2 to block r1 with the isometry of the lifs.
     alike : largest difference between contents that count as equally similar, metres, 0 or more.
         The difference between two contents is the root mean square of the differences between their
-        heights. Decoded maps are precise to 0.01 m. With a larger value of ``alike``, surroundings
-        decide more often.
-    repair, reach, domains : parameters of collage repair, as in `PavementFusion`. In the intended
-        map, the decoded heights of each block r2 replace the heights of its partner r1.
+        heights. Decoded maps are precise to 0.01 m. The larger the value of ``alike`` is, the more
+        often surroundings decide.
+    repair, reach, domains : parameters of collage repair, as in the operator `PavementFusion`. In
+        the intended map, the decoded heights of each block r2 replace the heights of its partner
+        r1.
     """
 
     isometries: bool = False
@@ -71,26 +72,28 @@ class AsymmetricFusion(Drafting):
 
 @dataclass(frozen=True)
 class SymmetricFusion(Drafting):
-    """Choose or mix two lifs for each range block, paired by content (Marsault 2002 §4.3).
+    """Choose or mix two lifs of similar content for each range block (Marsault 2002 §4.3).
 
     For a range block r, the block r12 is the range block of the first parent whose content is most
     similar to the second parent's content at r. The block r21 is the range block of the second
     parent whose content is most similar to the first parent's content at r. Together, the blocks
-    r12 form the second parent's plan, and the blocks r21 form the first parent's plan.
+    r12 imitate the second parent's plan, and the blocks r21 imitate the first parent's plan.
 
     Parameters
     ----------
     share : share λ of the first parent's lifs, 0…1. A share of 0 gives the fusion 1mod2, and 1
         gives 2mod1; see `AsymmetricFusion`.
     choose : whether the operator chooses one of two lifs for each block, in patches, so that λ is
-        the first parent's share of the map. If ``choose`` is false, every lifs is λ·r12 + (1 −
-        λ)·r21, as in `Interpolation`.
-    grain_side : size of the patches, metres; by default 64 m.
-    grain : size of the patches in range blocks, for uniform pavements; 1 chooses single lifs.
+        the first parent's share of the map. If ``choose`` is false, every lifs mixes the lifs of
+        the blocks r12 and r21 as λ·r12 + (1 − λ)·r21, as in `Interpolation`.
+    grain_side : size of the patches of neighbouring lifs with similar weights, metres; by default
+        64 m.
+    grain : size of the patches, counted in range blocks of one side; 1 chooses single lifs.
         Deprecated.
     isometries, alike : rules for pairing blocks, as in `AsymmetricFusion`.
-    repair, reach, domains : parameters of collage repair, as in `PavementFusion`. The intended map
-        has the decoded heights of r12 or r21, or their mixture with the weights λ and 1 − λ.
+    repair, reach, domains : parameters of collage repair, as in the operator `PavementFusion`. The
+        intended map has the decoded heights of r12 or r21, or their mixture with the weights λ and
+        1 − λ.
     """
 
     share: float = 0.5

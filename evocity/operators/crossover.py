@@ -11,6 +11,7 @@ from evocity.condensation import merged as merged_layers
 from evocity.errors import OperatorError
 from evocity.genome import Genome, Pieces, laid, merged
 from evocity.operators.parameters import Check, check_parameters, check_parents, repair_checks
+from evocity.operators.plans.inheritance import PLAN_KEY, carry_plan
 from evocity.operators.repair import collage_repair
 from evocity.pavement import Pavement
 
@@ -29,7 +30,7 @@ def check_call(operator, parents: Sequence[Genome], rng: np.random.Generator) ->
         raise OperatorError(
             f"{operator.name}: the parents have different grids, {' and '.join(sizes)}",
             "parents with the same number and size of pixels",
-            "read the maps of all parents with the same pixels and metres_per_pixel",
+            "read the maps of all parents with the same 'pixels' and 'metres_per_pixel'",
         )
 
 
@@ -52,7 +53,8 @@ class Draft:
 
     genome : genome of the child after crossover, before collage repair.
     intended : heights that the operator intends, float32 ``(H, W)``, metres.
-    made : description of the birth for the genome's ``made``, without the operator's name.
+    made : description of how the child was bred, without the operator's name, for the field
+        ``made`` of the genome.
     most : largest side of range blocks, px, up to which repair merges adjacent blocks that continue
         each other. If ``most`` is None, blocks merge up to the largest side of the parents' range
         blocks.
@@ -66,7 +68,7 @@ class Draft:
 
 @dataclass(frozen=True, kw_only=True)
 class Drafting:
-    """Base class of operators that draft a child and then repair it.
+    """Base class of operators that first draft a child and then repair the draft.
 
     A subclass is a frozen dataclass with the attributes ``name`` and ``parents``, and with its own
     parameters. The method ``_checks()`` of a subclass returns checks of the subclass's parameters
@@ -82,6 +84,9 @@ class Drafting:
 
     #: Whether repair lowers range blocks where ground would become built.
     clears: ClassVar[bool] = False
+    #: Whether the first parent's streets stay, so that a child inherits its plan. Only operators
+    #: with a plan of their own drafts (see `PlanDrafting`) and these pass a plan on.
+    keeps_streets: ClassVar[bool] = False
     repair: float | None = 0.5
     reach: int | None = 24
     domains: Sequence[int] = (2,)
@@ -106,10 +111,12 @@ class Drafting:
                 child, draft.intended, threshold=self.repair, **search, clear=self.clears
             )
             child = merged(child, most)
+        if self.keeps_streets and (plan := carry_plan(parents[0], child)) is not None:
+            made[PLAN_KEY] = plan
         return child.replace(made=made)
 
     def draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
-        """Draft a child: its genome before repair, and its intended map.
+        """Draft a child: the genome before repair, and the intended map.
 
         The child contains the condensations of all parents. Where several condensations cover a
         pixel, the condensation of the first parent wins.

@@ -134,7 +134,7 @@ class MapExchange(Forming):
 
 @dataclass(frozen=True, kw_only=True)
 class ShapeMetamorphosis(Forming):
-    """Make a shape between the first shape and the second.
+    """Make a shape between the first shape and the second shape.
 
     Parts that are connected in both parents stay connected in the child. If the parents have
     different numbers of maps, the child's ``made`` lists the paired maps. See
@@ -143,7 +143,7 @@ class ShapeMetamorphosis(Forming):
     Parameters
     ----------
     far : largest distance of the child from the first shape, 0…1; at 1 the child may be the second
-        shape. The distance from the first shape is drawn evenly between 0 and ``far``.
+        shape. The child's distance from the first shape is drawn evenly between 0 and ``far``.
     """
 
     name = "shape_metamorphosis"
@@ -200,7 +200,7 @@ class PartPerturbation(Forming):
     """Change the matrices that make the parts of a curve.
 
     In the child, each part of the curve ends where the next part begins. The child's curve begins
-    at its first control point and ends at its last control point.
+    at the child's first control point and ends at its last control point.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ class PartPerturbation(Forming):
         ends = np.eye(size)[[0, size - 1]]
         if np.abs(parent.curve.ends - ends).max() > _SLACK or gap > _SLACK:
             raise OperatorError(
-                f"{self.name}: a curve does not begin and end at its outermost control points",
+                f"{self.name}: a curve does not begin and end at its first and last control points",
                 "a curve from its first to its last control point, such as a Bézier curve",
                 f"leave {self.name} out of the operators",
             )
@@ -263,19 +263,20 @@ class PointExchange(Forming):
 
 @dataclass(frozen=True, kw_only=True)
 class CurveMetamorphosis(Forming):
-    """Make a curve between the first curve and the second, with the same number of control points.
+    """Make a curve between the first curve and the second curve, with an equal number of control
+    points.
 
-    The control points and affine maps of the child are weighted means of those of the parents. If
-    two parts of the curve join in both parents, they join in the child too. If one curve has fewer
-    maps, maps that shrink the whole curve to its end point replace the missing maps; ``made`` of
-    the child lists the pairs of maps. Details of the child lie between the details of the parents,
-    if both parents have equal numbers of levels and of maps. If these numbers differ, the child has
-    no details.
+    The control points and affine maps of the child are weighted means of the parents' control
+    points and affine maps. Two parts of the curve that join in both parents also join in the child.
+    If one curve has fewer maps, maps that shrink the whole curve to its end point replace the
+    missing maps; ``made`` of the child lists the pairs of maps. Details of the child lie between
+    the details of the parents, if both parents have equal numbers of levels and of maps. If the
+    parents differ in the number of levels or of maps, the child has no details.
 
     Parameters
     ----------
     far : largest distance of the child from the first curve, 0…1; at 1 the child may be the second
-        curve. The distance from the first curve is drawn evenly between 0 and ``far``.
+        curve. The child's distance from the first curve is drawn evenly between 0 and ``far``.
     """
 
     name = "curve_metamorphosis"
@@ -314,7 +315,8 @@ class DetailExchange(Forming):
 
     Parameters
     ----------
-    levels : number of the finest levels to give, 1…64, or all levels if the curves have fewer.
+    levels : number of the finest levels whose details the first curve gets, 1…64; if the curves
+        have fewer levels, all levels.
     gain : factor that multiplies the size of the details from the second curve, 0…100.
     """
 
@@ -348,7 +350,7 @@ class DetailScaling(Forming):
 
     Parameters
     ----------
-    step : standard deviation of the logarithm of each factor.
+    step : standard deviation of the logarithm of the factor for each level.
     """
 
     name = "detail_scaling"

@@ -25,16 +25,16 @@ _DRAWN = 0.625, 1.6
 class HeightScaling(Drafting):
     """Raise and lower buildings by whole storeys, so that the search can change the floor space.
 
-    The operator draws buildings, or street blocks with all their buildings, and draws a factor for
-    each of them. The target of a building is its height times the factor. Each building changes by
-    the whole number of storeys that brings it nearest to its target. In each drawn block, the
-    highest building changes by at least one storey.
+    The operator draws buildings, or street blocks with all their buildings, and a factor for each
+    drawn building or block. The target of a building is its height times the factor that was drawn.
+    Each building changes by the whole number of storeys that brings its height nearest to the
+    target. In each drawn block, the highest building changes by at least one storey.
 
     Roofs keep their shape, and buildings keep their footprint. No building falls below one storey,
     and neighbours of different height never become one building. Built components under 24 m² keep
     their heights. If a condensation locks a building, the building keeps its height; with
     "quarters", the whole street block keeps its heights. If a drawn building or block cannot
-    change, the operator draws another.
+    change, the operator draws another building or block.
 
     The child's ``made`` holds the number of changed ``buildings``, and the storeys ``raised`` and
     ``lowered``, summed over buildings. The result ``fsi_change`` is the gain of floor space per
@@ -61,7 +61,7 @@ class HeightScaling(Drafting):
     repair, reach, domains : parameters of collage repair, as in `Drafting`. The intended map is the
         parent's decoded map with the new heights.
 
-    Source: this operator comes from evocity, not from the papers.
+    Source: evocity's own operator, which is not in the papers.
     """
 
     what: str = "quarters"
@@ -72,6 +72,7 @@ class HeightScaling(Drafting):
 
     #: Walls rise above all nearby, which domain blocks cannot show.
     clears: ClassVar[bool] = True
+    keeps_streets: ClassVar[bool] = True
     name = "height_scaling"
     parents = (1, 1)
 
@@ -112,8 +113,9 @@ class HeightField(Drafting):
     The field has ``side`` × ``side`` factors, interpolated smoothly by their logarithms. The factor
     of a street block is the mean of the field over the block. The target of a building is its
     height times the factor of its street block. Each building changes by the whole number of
-    storeys that brings it nearest to its target. A building keeps its height if the target differs
-    by less than half a storey. If all factors of the field are 1, the child equals the parent.
+    storeys that brings its height nearest to the target. A building keeps its height if the target
+    differs by less than half a storey. If all factors of the field are 1, the child equals the
+    parent.
 
     Buildings keep their footprints and the shape of their roofs. Buildings that a condensation
     locks keep their heights, as in `HeightScaling`. If ``values`` are given, the operator draws
@@ -124,13 +126,13 @@ class HeightField(Drafting):
     side : number of factors along each side of the field, 1…64.
     values : factors of the field, 0.1…10, row by row from the north-west, rounded to four digits.
         If ``values`` is None, factors of 0.625…1.6 are drawn, evenly by their logarithm.
-    storey, highest : height of a storey and of the highest roof, as in `HeightScaling`.
+    storey, highest : height of a storey, and largest height of a roof, as in `HeightScaling`.
     repair, reach, domains : parameters of collage repair, as in `Drafting`.
 
     The child's ``made`` holds the ``values``, the number of ``scaled`` street blocks, and the
     results of `HeightScaling` for buildings and floor space.
 
-    Source: this operator comes from evocity, not from the papers.
+    Source: evocity's own operator, which is not in the papers.
     """
 
     side: int = 4
@@ -139,6 +141,7 @@ class HeightField(Drafting):
     highest: float = 50.0
 
     clears: ClassVar[bool] = True
+    keeps_streets: ClassVar[bool] = True
     name = "height_field"
     parents = (1, 1)
 

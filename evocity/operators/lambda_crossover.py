@@ -24,7 +24,8 @@ GRAIN = 64.0
 
 @dataclass(frozen=True)
 class LambdaCrossover(Drafting):
-    """Cross two parents by ω_i = λ_i·ω1_i + (1 − λ_i)·ω2_i, pseudo-convexly (Marsault 2002 §3.5).
+    """Cross two parents pseudo-convexly by ω_i = λ_i·ω1_i + (1 − λ_i)·ω2_i, with ω1_i and ω2_i the
+    parents' lifs (Marsault 2002 §3.5).
 
     The weights λ_i are drawn as a field over the map, so that neighbouring lifs stay together. If
     each λ_i is drawn separately (``grain`` = 1), the child crumbles into noise, as the papers say.
@@ -34,11 +35,13 @@ class LambdaCrossover(Drafting):
     share : share of the first parent in the child, 0…1, which is the mean of all λ_i. If ``share``
         is 0 or 1, the child equals one of the parents.
     blend : width of the seam in which λ_i changes from 0 to 1, as a share of all lifs, 0…1. A blend
-        of 0 makes each λ_i either 0 or 1; a blend of 1 interpolates everywhere.
-    grain_side : size of the patches, metres; by default 64 m.
-    grain : size of the patches in range blocks, 1 or more, for uniform pavements. Deprecated.
-    repair, reach, domains : parameters of collage repair, as in `PavementFusion`. The intended map
-        is the mixture λ·A1 + (1 − λ)·A2 of the parents' decoded maps.
+        of 0 makes each λ_i either 0 or 1; a blend of 1 mixes both parents everywhere.
+    grain_side : size of the patches of neighbouring lifs with similar weights, metres; by default
+        64 m.
+    grain : size of the patches of lifs with similar weights, in range blocks, 1 or more, for
+        uniform pavements. Deprecated.
+    repair, reach, domains : parameters of collage repair, as in the operator `PavementFusion`. The
+        intended map is the mixture λ·A1 + (1 − λ)·A2 of the parents' decoded maps A1 and A2.
     """
 
     share: float = 0.5
@@ -66,32 +69,34 @@ class LambdaCrossover(Drafting):
 
 @dataclass(frozen=True)
 class Interpolation(Drafting):
-    """Interpolate two codes pseudo-convexly, in one of two forms (Marsault 2002 §3.5, 2005 §2.2).
+    """Interpolate two codes pseudo-convexly, in a form that mixes lifs or in a stepwise form
+    (Marsault 2002 §3.5, 2005 §2.2).
 
-    In the first form, each lifs is ω_i = λ_i·ω1_i + (1 − λ_i)·ω2_i, as in `LambdaCrossover`. The
-    range blocks of the parents are split until both parents have the same blocks. Without repair,
-    only large shapes survive, because a mixed lifs reads a domain block between the domain blocks
-    of its parents.
+    In the first form, each lifs mixes the parents' lifs ω1_i and ω2_i by a share λ_i: ω_i =
+    λ_i·ω1_i + (1 − λ_i)·ω2_i, as in `LambdaCrossover`. The range blocks of the parents are split
+    until both parents have the same blocks. Without repair, only large shapes survive, because a
+    mixed lifs reads a domain block that lies between the domain blocks of the two parents.
 
-    The stepwise form approximates the attractor of λ·W1(I) + (1 − λ)·W2(I), which mixes the two
-    decodings at every step. The stepwise form mixes no lifs, so the range blocks of the parents may
-    have different sides, for example 6 px and 4 px. The child has the first parent's pavement. The
-    child keeps lifs of the first parent that reproduce the stepwise attractor. Lifs that do not
-    reproduce the stepwise attractor keep their domain blocks and isometries, but get the best σ and
-    β. Collage repair finds new domain blocks for range blocks that still differ too much from the
-    intended map.
+    The stepwise form approximates the attractor of λ·W1(I) + (1 − λ)·W2(I), which mixes the
+    decoding steps W1 and W2 of both parents by the share λ. The stepwise form mixes no lifs, so the
+    range blocks of the parents may have different sides, for example 6 px and 4 px. In the stepwise
+    form, the child has the range blocks of the first parent. The child keeps lifs of the first
+    parent that reproduce the stepwise attractor. Lifs that do not reproduce the stepwise attractor
+    keep their domain blocks and isometries, but get the best possible σ and β. Collage repair finds
+    new domain blocks for range blocks that still differ too much from the intended map.
 
-    The papers give an image for the stepwise form, but no code. In the stepwise form, all lifs have
-    the ``parent`` and ``source`` of the first parent.
+    The papers show a picture of the stepwise form, but give no code. In the stepwise form, all lifs
+    of the child have the fields ``parent`` and ``source`` of the first parent.
 
     Parameters
     ----------
     share : share λ of the first parent, 0…1, or a share λ_i for each of its lifs. If ``share`` is
-        None, the operator draws one λ for all lifs. If all shares are 1 or all shares are 0, the
-        child is the first or the second parent, with the pavement of that parent.
-    stepwise : whether the operator uses the stepwise form.
-    repair, reach, domains : parameters of collage repair, as in `PavementFusion`. The intended map
-        is the mixture λ·A1 + (1 − λ)·A2 of the parents' decoded maps, or the stepwise attractor.
+        None, the operator draws one share λ for all lifs. If all shares are 1, the child is the
+        first parent; if all shares are 0, the child is the second parent.
+    stepwise : whether the operator uses the stepwise form instead of mixing lifs.
+    repair, reach, domains : parameters of collage repair, as in the operator `PavementFusion`. The
+        intended map is the mixture λ·A1 + (1 − λ)·A2 of the parents' decoded maps A1 and A2, or the
+        stepwise attractor.
     """
 
     share: float | Sequence[float] | None = 0.5
@@ -146,8 +151,9 @@ class Interpolation(Drafting):
             raise OperatorError(
                 f"{self.name}: the mixture of both decodings diverges; after {end.steps} steps "
                 f"a height changed by {np.nanmax(end.moves):.3g} m",
-                "parents in which nearly all lifs have a contrast σ with |σ| < 1",
-                "encode both parents with sigma_max below 1",
+                "parents in which nearly all lifs (codes of one range block) have a contrast |σ| "
+                "< 1",
+                "encode both parents with 'sigma_max' below 1",
             )
         return end.values
 

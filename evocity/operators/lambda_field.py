@@ -31,17 +31,18 @@ class LambdaField(Drafting):
     """Fill street blocks of the first parent with the fabric of other parents, according to fields
     of λ.
 
-    Each parent but the first has a field of ``side`` × ``side`` values, interpolated smoothly. Each
-    street block has a threshold for each parent but the first, and takes the fabric of the parent
-    whose field reaches the threshold. If several fields reach their thresholds, the largest excess
-    wins. Around each value of a field, the thresholds of street blocks lie evenly between 0 and 1.
-    For each parent, the street block that the parent's fabric fits best has the lowest threshold.
-    The value λ of a field is therefore the share of street blocks that the field's parent fills. If
-    all values of the fields are 0, the child equals the first parent.
+    Each parent but the first has a field of ``side`` × ``side`` values λ, interpolated smoothly.
+    Each street block has a threshold for each parent but the first, and takes the fabric of the
+    parent whose field reaches the threshold. If several fields reach their thresholds, the parent
+    whose field exceeds its threshold most fills the street block. Around each value of a field, the
+    thresholds of street blocks lie evenly between 0 and 1. For each of the other parents, the
+    street block that the parent's fabric fits best has the lowest threshold. The value λ of a field
+    is the share of street blocks that the field's parent fills. If all values of the fields are 0,
+    the child equals the first parent.
 
     A street block takes the other parent's fabric from the same place, if this fabric consists of
-    whole buildings and differs from the block's own fabric. Where the same place has no suitable
-    fabric, a block takes the buildings that fit best from elsewhere in the other parent, as in
+    whole buildings and differs from the block's own fabric. If the fabric at the same place is not
+    suitable, a block takes the best fitting buildings from elsewhere in the other parent, as in
     `QuarterFusion`. The child cuts no building and keeps the streets of the first parent. Parents
     and values determine the child without random draws, so an optimiser can search the best field
     (``evocity refine``).
@@ -55,8 +56,8 @@ class LambdaField(Drafting):
     repair, reach, domains : parameters of collage repair, as in `Drafting`.
 
     The child's ``made`` holds the ``values``, and the number of filled ``street_blocks``. The
-    result ``filled_by`` counts the filled blocks for each parent. The result ``in_place`` counts
-    the blocks whose new fabric comes from the same place.
+    result ``filled_by`` counts, for each parent, the blocks that this parent fills. The result
+    ``in_place`` counts the blocks whose new fabric comes from the same place in the other parent.
 
     Source: the λ_i of Marsault 2002 §3.5, for street blocks instead of lifs, because single lifs
     crumble.
@@ -81,10 +82,11 @@ class LambdaField(Drafting):
         check_values(self, count - 1, " for each parent but the first")
 
     def choice(self, parents: Sequence[Genome]) -> np.ndarray:
-        """Choose a parent for each street block that may be filled, int64 ``(n,)``; 0 keeps the
-        fabric of the block. If two fields choose the same parents, they give the same child.
+        """Choose a parent for each street block that may be filled, int64 ``(n,)``; the number 0
+        keeps the present fabric of the block. Two fields that choose the same parents for all
+        street blocks give the same child.
 
-        Raises `OperatorError` if ``values`` are missing, or if their number is wrong.
+        Raises `OperatorError` if ``values`` are missing, or if the number of values is wrong.
         """
         check_call(self, parents, np.random.default_rng(0))
         if self.values is None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -26,19 +27,19 @@ class Mutation(Drafting):
     Parameters
     ----------
     sigma, beta, x, y, dx, dy, iso : rate of each nucleotide, 0…1: the share of the groups in which
-        this nucleotide changes. If a lifs has no domain block, only its β changes; lifs of bare
+        this nucleotide changes. In a lifs without a domain block, only β changes; lifs of bare
         ground do not change.
-    group_side : side of a group, metres; by default 32 m. A lifs belongs to the group that contains
-        the middle of its range block.
-    group : side of a group in range blocks, for uniform pavements; 1 mutates single lifs.
-        Deprecated.
+    group_side : side of a square group of lifs, metres; by default 32 m. A lifs belongs to the
+        group that contains the middle of its range block.
+    group : side of a square group of lifs, counted in range blocks of one side; 1 mutates single
+        lifs. Deprecated.
     sigma_step : standard deviation of the change of σ; the new σ is cut at ±sigma_max.
     beta_step : standard deviation of the change of β, metres.
     move : largest change of a domain block's ``x`` or ``y``, px.
     stretch : largest change of a domain block's extent, in sides of the range block.
-    repair, reach, domains : parameters of collage repair, as in `PavementFusion`. The intended map
-        is the parent's decoded map after one iteration of the mutated code, so everything else
-        stays the same.
+    repair, reach, domains : parameters of collage repair, as in the operator `PavementFusion`. The
+        intended map is the parent's decoded map after one iteration of the mutated code, so range
+        blocks without a mutation stay unchanged.
     """
 
     sigma: float = 0.02
@@ -55,6 +56,7 @@ class Mutation(Drafting):
     stretch: int = 1
     group: int | None = None
 
+    keeps_streets: ClassVar[bool] = True
     name = "mutation"
     parents = (1, 1)
 

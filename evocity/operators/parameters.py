@@ -103,7 +103,7 @@ def check_parents(
     check_generator(name, rng)
     if not isinstance(parents, Sequence):
         raise OperatorError(
-            f"{name}: the parameter parents is not a list but a {type(parents).__name__}",
+            f"{name}: the parameter 'parents' is not a list but a {type(parents).__name__}",
             f"a list of {of}s",
             f"put the {of}s in square brackets",
         )

@@ -30,28 +30,30 @@ SMALLEST = 32.0
 class PavementFusion(Drafting):
     """Fuse two or more parents by square macro-blocks (Marsault 2002 §4.4, 2005 §2.3).
 
-    The parent with the largest share fills the map. Each parent with a smaller share injects
-    macro-blocks in turn, until it reaches its share. After a turn of all parents, macro-blocks
-    become one cell smaller, down to ``side_min``, and the margin shrinks by a fifth. A macro-block
-    is admissible if it fits the child's map after all earlier injections. Along its outline, a
-    macro-block may differ from the child's map by at most ``tolerance`` metres on average.
+    The parent with the largest share fills the whole map at first. Each parent with a smaller share
+    injects macro-blocks in turn, until the parent reaches its share. After a turn of all parents,
+    macro-blocks become one cell smaller, down to ``side_min``, and the margin shrinks by a fifth. A
+    macro-block is admissible if it fits the child's map after all earlier injections. A macro-block
+    may differ along its outline from the child's map by at most ``tolerance`` metres on average.
 
     Parameters
     ----------
     side_min, side_max : smallest and largest side of macro-blocks, metres; by default 32 m and 128
         m.
-    size_min, size_max : smallest and largest side of macro-blocks in range blocks, 1 or more, for
-        uniform pavements. Deprecated.
-    fill : share of the second of two parents, 0…1, or a list of shares that add up to 1. A list has
-        a share for each parent, and a last share for bare ground if ``void`` is true. If ``fill``
-        is None, all parents have equal shares. If few macro-blocks are admissible, a parent gets
-        less than its share; see ``made["fill_reached"]``.
-    margin : allowed error of a share, 0…1.
+    size_min, size_max : smallest and largest side of macro-blocks, counted in range blocks, 1 or
+        more, for range blocks of one side. Deprecated.
+    fill : share of the second of two parents, 0…1, or a list of shares that add up to 1. A list in
+        `fill` has a share for each parent, and a last share for bare ground if ``void`` is true. If
+        ``fill`` is None, all parents have equal shares. If few macro-blocks are admissible, a
+        parent gets less than its share; see ``made["fill_reached"]``.
+    margin : largest error of a parent's share, 0…1.
     tolerance : largest mean difference along an outline, metres, called S in the papers.
     void : whether bare ground counts as an additional, last parent.
-    places : candidate corners ((down, along), metres from the north-west), which the operator tries
-        in this order at every size. If ``places`` is None, the operator draws the corners.
-    positions : candidate corners in range blocks (row, column). Deprecated.
+    places : candidate corners of macro-blocks, (down, along) in metres from the north-west corner,
+        which the operator tries in this order at every size. If ``places`` is None, the operator
+        draws the corners of macro-blocks at random.
+    positions : candidate corners of macro-blocks, counted in range blocks (row, column).
+        Deprecated.
     repair, reach, domains : parameters of collage repair, as in `Drafting`. The intended map joins
         the decoded macro-blocks of all parents.
     """
@@ -112,7 +114,8 @@ class PavementFusion(Drafting):
             raise at_fault(self.name, {"positions": fault}, remedy)
 
     def check_count(self, count: int) -> None:
-        """Raise `OperatorError` if ``fill`` does not suit ``count`` parents (and the void)."""
+        """Raise `OperatorError` if ``fill`` does not suit ``count`` parents and the parameter
+        `void`."""
         self._shares(count)
 
     def _shares(self, count: int) -> np.ndarray:
@@ -168,12 +171,12 @@ class DirectFusion(Drafting):
     """Draw each lifs from one of two or more parents, independently of its neighbours (Marsault
     2002 §4.2).
 
-    If pavements are adaptive, one draw chooses the parent of all lifs in a cell of 16 m.
+    If range blocks have different sides, one draw chooses the parent of all lifs in a cell of 16 m.
 
-    Each draw ignores the heights and the surroundings of the lifs, so the fabric of the child
+    Each draw ignores the heights and the surroundings of the lifs, so the city fabric of the child
     crumbles. If ``repair`` is None, this operator is the baseline of the papers, with "very bad
-    results". Collage repair restores every block as it was in its parent, but cannot join blocks to
-    buildings.
+    results". Collage repair restores every block as it was in its parent, but cannot connect blocks
+    into whole buildings.
 
     Parameters
     ----------
@@ -181,8 +184,8 @@ class DirectFusion(Drafting):
         If ``fill`` is None, all parents have equal shares. The share of a parent is the probability
         that a lifs comes from this parent; ``made["fill_reached"]`` holds the resulting shares. If
         a parent has the share 1, the child equals this parent.
-    repair, reach, domains : parameters of collage repair, as in `PavementFusion`. The intended map
-        has the decoded range blocks of the drawn parents, each at its place.
+    repair, reach, domains : parameters of collage repair, as in the operator `PavementFusion`. The
+        intended map has the decoded range blocks of the drawn parents, each block at its own place.
     """
 
     fill: float | Sequence[float] | None = None

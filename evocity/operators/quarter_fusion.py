@@ -40,12 +40,12 @@ def _begin_filling(operator, parents: Sequence[Genome]) -> Filling:
 class QuarterFusion(Drafting):
     """Keep the first parent's streets, and fill its street blocks with buildings of other parents.
 
-    Street blocks are drawn one after another. Each street block takes buildings of another parent
-    from the place where these buildings fit best, among all places and all 8 isometries. A place
-    fits well if much is built inside the block and little on its outline, and if façades stand
-    where façades stood (`street_blocks.best_place`). Built components of the donor that lie partly
-    outside the block are left out whole, so the child cuts no building. Bare ground replaces the
-    buildings that are left out. Lifs and their domain blocks move together.
+    Street blocks are drawn at random, one after another. Each street block takes buildings of
+    another parent from the place where these buildings fit best, among all places and all 8
+    isometries. A place fits well if much is built inside the block and little along its outline,
+    and if façades replace façades (`street_blocks.best_place`). If a built component of the donor
+    lies partly outside the block, the component is left out whole, so the child cuts no building.
+    Bare ground replaces the buildings that are left out. A lifs and its domain block move together.
 
     A street block keeps its buildings in three cases: too little would be built; the block is
     larger than the donor's map; a condensation locks something in the block.
@@ -57,26 +57,27 @@ class QuarterFusion(Drafting):
         If ``fill`` is None, all parents have equal shares; ``made["fill_reached"]`` holds the
         resulting shares.
     street_blocks : number of street blocks to fill, whatever their area; ``fill`` then gives the
-        parents' shares of this number. If ``street_blocks`` is None, the operator fills as many
-        blocks as ``fill`` demands.
+        share of each parent in this number. If ``street_blocks`` is None, the operator fills as
+        many blocks as ``fill`` demands.
     void : whether bare ground counts as an additional, last parent, so that open squares replace
         buildings.
     area_min : smallest area of a street block to fill, m².
-    spread : the operator draws from places whose score is at most this much below the best score,
-        0…1. The operator draws four places under each isometry, leaves out buildings that the block
-        would cut, and takes the best place. If ``spread`` is 0, the operator takes the best place.
-        The score of a place is a share of the block's area.
+    spread : largest difference between the best score and the score of a place that the operator
+        draws, 0…1. The operator draws four places under each isometry, leaves out buildings that
+        the block would cut, and takes the best of these places. If ``spread`` is 0, the operator
+        takes the best place. The score of a place is counted as a share of the block's area.
     density : smallest area of the new buildings, as a share of the old buildings' area, 0 or more.
-    facades : score for façades at the places of old façades, 0…10, as a share of the block's area.
-    repeats : discount on the score of a built cell that the map already shows elsewhere, 0…1.
-        Without the discount ``repeats``, fabric that fits everywhere would fill the whole map after
-        some generations.
+    facades : weight of façades that replace old façades in the score of a place, 0…10, as a share
+        of the block's area.
+    repeats : discount on the score of a place for each built cell that the map already shows
+        elsewhere, 0…1. Without the discount ``repeats``, fabric that fits everywhere would fill the
+        whole map after some generations.
     widened : width that a filled block gives to the streets around it, metres, rounded up to whole
-        cells. A cell is as large as the smallest range block.
+        cells. A cell is a square as large as the smallest range block.
     repair, reach, domains : parameters of collage repair, as in `Drafting`.
 
-    Source: this operator comes from evocity. Marsault 2002 §6.1 wishes for operators that keep the
-    identity of buildings.
+    Source: evocity's own operator. Marsault 2002 §6.1 wishes for operators that keep the identity
+    of buildings.
     """
 
     fill: float | Sequence[float] | None = None
@@ -97,7 +98,8 @@ class QuarterFusion(Drafting):
         return {"fill": FILL, **filling_checks()}
 
     def check_count(self, count: int) -> None:
-        """Raise `OperatorError` unless ``fill`` suits ``count`` parents (and the void)."""
+        """Raise `OperatorError` unless ``fill`` suits ``count`` parents and the parameter
+        `void`."""
         shares_of(self.name, self.fill, count, self.void)
 
     def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
@@ -139,24 +141,25 @@ def _fill_by_number(filling: Filling, drawn, shares, count: int, rng: np.random.
 
 @dataclass(frozen=True)
 class QuarterRefill(Drafting):
-    """Fill a few street blocks of the first parent again, with buildings from anywhere in any
-    parent.
+    """Fill a few street blocks of the first parent again, with buildings from anywhere in one of
+    the parents.
 
-    Each drawn street block gets the best fitting buildings of one parent, which is drawn, too. The
-    first parent gives buildings from elsewhere on its map. In a search, the source cities are among
-    the parents. The operator is a mutation that fills street blocks as `QuarterFusion` does.
+    Each drawn street block gets the best fitting buildings of one parent, drawn at random.
+    Buildings from the first parent come from another place on its map. In a search, the source
+    cities are among the parents. The operator is a mutation that fills street blocks as
+    `QuarterFusion` does.
 
     Parameters
     ----------
     street_blocks : number of street blocks to fill, 1 or more. The genome's
         ``made["street_blocks"]`` holds the number of filled blocks, and ``made["filled_by"]`` holds
-        the number for each parent.
+        the number of blocks filled from each parent.
     area_min, spread, density, facades, repeats, widened : rules for filling street blocks, as in
         `QuarterFusion`.
     repair, reach, domains : parameters of collage repair, as in `Drafting`.
 
-    Source: this operator comes from evocity. Marsault 2002 §6.1 wishes for operators that keep the
-    identity of buildings.
+    Source: evocity's own operator. Marsault 2002 §6.1 wishes for operators that keep the identity
+    of buildings.
     """
 
     street_blocks: int = 3

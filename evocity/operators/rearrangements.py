@@ -49,30 +49,31 @@ class _GeneMoves(Drafting):
 
 @dataclass(frozen=True)
 class GeneCopy(_GeneMoves):
-    """Copy genes to other places (Marsault 2002 §4.1).
+    """Copy genes from one place of the genome to another (Marsault 2002 §4.1).
 
     Lifs are copied in square groups, so that a change is as large as a building. Genes do not
-    change: a copied lifs reads the same domain block as the original lifs.
+    change: a copied lifs reads the domain block that the original lifs reads.
 
-    A model, that is, a group to copy, is admissible if it fits the surroundings of the copy. Along
-    its outline, the model differs by at most ``tolerance`` metres on average from the fabric that
-    its copy replaces. Inside the outline, the model differs from the replaced fabric by more than
-    ``change`` metres.
+    A group to copy, called a model, is admissible if it fits the surroundings of the copy. Along
+    its outline, a model differs by at most ``tolerance`` metres on average from the fabric that the
+    copy replaces. Inside its outline, a model differs from the fabric that the copy replaces by
+    more than ``change`` metres.
 
     Parameters
     ----------
-    rate : share of the groups that a copy replaces, 0…1. A group without an admissible model does
-        not change; ``made["copied"]`` holds the number of copies.
-    group_side : side of a group, metres; by default 32 m.
-    group : side of a group in range blocks, for uniform pavements; 1 copies single lifs.
-        Deprecated.
+    rate : share of the groups of lifs that a copy replaces, 0…1. A group of lifs without an
+        admissible model does not change; ``made["copied"]`` holds the number of copies.
+    group_side : side of a square group of lifs, metres; by default 32 m.
+    group : side of a square group of lifs, counted in range blocks of one side; 1 copies single
+        lifs. Deprecated.
     tolerance : largest mean difference along the outline, metres; None allows any difference.
     change : lower limit of the mean difference between a copy and the fabric that the copy
         replaces, metres. If ``change`` is 0, the operator skips copies that change nothing.
     choice : number of admissible models that the operator draws before it chooses the best, 1 or
-        more. The operator copies the drawn model with the least difference along the outline.
-    repair, reach, domains : parameters of collage repair, as in `PavementFusion`. The intended map
-        is the parent's decoded map with the groups copied.
+        more. Among the drawn models, the operator copies the model with the least difference along
+        the outline.
+    repair, reach, domains : parameters of collage repair, as in the operator `PavementFusion`. The
+        intended map is the parent's decoded map with the groups copied.
     """
 
     name = "gene_copy"
@@ -94,20 +95,22 @@ class GeneExchange(_GeneMoves):
     """Exchange genes in pairs (Marsault 2002 §4.1).
 
     Lifs are exchanged in square groups, so that a change is as large as a building. Each group is
-    exchanged at most once. Genes do not change, so each lifs reads the same domain block as before
-    the exchange. Two groups are admissible partners if each fits its new surroundings, as in
-    `GeneCopy`.
+    exchanged at most once. Genes do not change, so each lifs reads the domain block that it read
+    before the exchange. Two groups are admissible partners if each group fits the surroundings of
+    its partner, as in `GeneCopy`.
 
     Parameters
     ----------
-    rate : share of the groups that change places, 0…1. A group without an admissible partner stays
-        at its place; ``made["exchanged"]`` holds the number of groups that changed places.
-    group_side : side of a group, metres; by default 32 m.
-    group : side of a group in range blocks, for uniform pavements; 1 exchanges single lifs.
-        Deprecated.
-    tolerance, change, choice : rules for partners; `GeneCopy` explains these three parameters.
-    repair, reach, domains : parameters of collage repair, as in `PavementFusion`. The intended map
-        is the parent's decoded map with the groups exchanged.
+    rate : share of the groups of lifs that change places, 0…1. A group without an admissible
+        partner stays at its place; ``made["exchanged"]`` holds the number of groups that changed
+        places.
+    group_side : side of a square group of lifs, metres; by default 32 m.
+    group : side of a square group of lifs, counted in range blocks of one side; 1 exchanges single
+        lifs. Deprecated.
+    tolerance, change, choice : rules for the choice of partners; `GeneCopy` explains these three
+        parameters.
+    repair, reach, domains : parameters of collage repair, as in the operator `PavementFusion`. The
+        intended map is the parent's decoded map with the groups exchanged.
     """
 
     name = "gene_exchange"
@@ -130,23 +133,24 @@ class GeneExchange(_GeneMoves):
 class BlockExchange(Drafting):
     """Exchange two macro-blocks of the same size, gene by gene (Marsault 2002 §4.1).
 
-    Two macro-blocks are admissible partners if they do not overlap and each fits its new
-    surroundings, as in `GeneCopy`. Genes do not change, so each lifs reads the same domain block as
-    before the exchange. (The operator `Relocation`, in contrast, moves domain blocks together with
-    their lifs.)
+    Two macro-blocks are admissible partners if they do not overlap, and if each macro-block fits
+    the surroundings of its partner, as in `GeneCopy`. Genes do not change, so each lifs reads the
+    domain block that it read before the exchange. (The operator `Relocation`, in contrast, moves
+    domain blocks together with the lifs that read them.)
 
     Parameters
     ----------
     side_min, side_max : smallest and largest side of macro-blocks, metres; sides are drawn evenly
         between these limits. By default, macro-blocks have sides from 16 m to 64 m.
-    size_min, size_max : smallest and largest side of macro-blocks in range blocks, 1 or more, for
-        uniform pavements. Deprecated.
+    size_min, size_max : smallest and largest side of macro-blocks, counted in range blocks, 1 or
+        more, for range blocks of one side. Deprecated.
     count : number of exchanges, 1…1000. If a macro-block has no admissible partner, the operator
         draws another macro-block, at most 63 times; ``made["exchanged"]`` holds the number of
         exchanges.
-    tolerance, change, choice : rules for partners; `GeneCopy` explains these three parameters.
-    repair, reach, domains : parameters of collage repair, as in `PavementFusion`. The intended map
-        is the parent's decoded map with the macro-blocks exchanged.
+    tolerance, change, choice : rules for the choice of partners; `GeneCopy` explains these three
+        parameters.
+    repair, reach, domains : parameters of collage repair, as in the operator `PavementFusion`. The
+        intended map is the parent's decoded map with the macro-blocks exchanged.
     """
 
     side_min: float | None = None
@@ -173,36 +177,36 @@ class BlockExchange(Drafting):
 
 @dataclass(frozen=True)
 class Relocation(Drafting):
-    """Move or copy groups of lifs to other places (Marsault 2005 §4.2).
+    """Move or copy groups of lifs to new places (Marsault 2005 §4.2).
 
     A place is admissible if it does not overlap the group's own place, and if the group fits its
-    new surroundings, as in `GeneCopy`. Domain blocks wholly inside the group move and turn with it;
-    all other domain blocks stay.
+    new surroundings, as in `GeneCopy`. Domain blocks wholly inside the group move and turn with the
+    group; all other domain blocks stay.
 
     Parameters
     ----------
     mode : kind of relocation: "move" or "copy". With "move", the operator exchanges two places, so
         the replaced fabric goes to the group's old place. Domain blocks inside either of the two
-        places move, even if lifs elsewhere read them. With "copy", the group stays at its old
-        place, and the replaced fabric is lost.
+        places move, even if lifs outside these places read them. With "copy", the group stays at
+        its old place, and the replaced fabric is lost.
     shape : shape of the groups: "square" or "buildings". Squares are macro-blocks. With
         "buildings", each macro-block is extended over every building that it would cut, and over
         the courts that these buildings enclose, up to the area ``side_max``².
     side_min, side_max : smallest and largest side of macro-blocks, metres; sides are drawn evenly
         between these limits. By default, macro-blocks have sides from 32 m to 128 m.
-    size_min, size_max : smallest and largest side of macro-blocks in range blocks, 1 or more, for
-        uniform pavements. Deprecated.
+    size_min, size_max : smallest and largest side of macro-blocks, counted in range blocks, 1 or
+        more, for range blocks of one side. Deprecated.
     count : number of groups to relocate, 1…1000. If a group has no admissible place, the operator
         draws another group, at most 63 times; ``made["relocated"]`` holds the number of relocated
         groups.
     tolerance : largest mean difference along the outline, metres; None allows any difference. With
         "move", the limit ``tolerance`` holds at both places that the operator exchanges.
-    change, choice : rules for new places; `GeneCopy` explains these two parameters.
+    change, choice : rules for the choice of new places; `GeneCopy` explains these two parameters.
     isometries : whether the operator turns and mirrors each group by one of the 8 isometries. The
-        operator chooses the isometry at random for each place. With "move", the replaced fabric
-        turns in the opposite direction.
-    repair, reach, domains : parameters of collage repair, as in `PavementFusion`. The intended map
-        is the parent's decoded map with the groups at their new places.
+        operator chooses the isometry at random for each place. With "move", the replaced fabric is
+        turned in the opposite direction.
+    repair, reach, domains : parameters of collage repair, as in the operator `PavementFusion`. The
+        intended map is the parent's decoded map with the groups at their new places.
     """
 
     mode: str = "move"

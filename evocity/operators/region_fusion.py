@@ -28,27 +28,27 @@ _AREA = 25_600.0
 class RegionFusion(PavementFusion):
     """Fuse parents by regions that follow the buildings (Marsault 2002 §6.2).
 
-    The operator works like `PavementFusion`, but each macro-block grows to a region before it is
-    injected.
+    The operator works like `PavementFusion`, but each macro-block grows to a region before the
+    operator injects it.
 
     - The region includes the donor's built components that the macro-block touches
-      (`CityMap.labels` of the decoded map). Adjacent buildings share range blocks, so they are
-      injected together.
+      (`CityMap.labels` of the decoded map). Adjacent buildings share range blocks, so the operator
+      injects adjacent buildings together.
     - The region includes standing buildings (`CityMap.buildings`) that the region would cut too
       much, and the courts that these buildings enclose.
     - The region contains at least one built component of the donor, if the donor has any.
 
-    No later region cuts an injected building: the region replaces the whole building, grows over
-    it, or is refused. At the end, buildings that were cut get back their lost parts where nothing
-    else is built.
+    No later region cuts an injected building: a later region replaces the whole building, grows
+    over it, or is refused. At the end, buildings that were cut get back the parts that they lost,
+    except where something else is built.
 
     Parameters
     ----------
     side_min, side_max : smallest and largest side of the macro-blocks that grow to regions, metres.
         By default, the macro-blocks have sides from 32 m to 96 m.
-    fill, margin, void, places : shares of parents and corners of macro-blocks, as in
-        `PavementFusion`. Dense fabric has components as large as the map, so few regions are
-        admissible; see ``made["fill_reached"]``.
+    fill, margin, void, places : shares of the parents, and corners of the macro-blocks, as in
+        `PavementFusion`. In dense fabric, built components are as large as the map, so few regions
+        are admissible; see ``made["fill_reached"]``.
     tolerance : largest mean difference along the outline of a region, metres, called S in the
         papers.
     cut : share of a standing building, 0…1, that regions may take away while the rest of the
@@ -57,14 +57,14 @@ class RegionFusion(PavementFusion):
         ``cut`` is 1, only injected buildings are protected.
     area_max : largest area of a region, m²; larger regions are refused. By default, a region has at
         most 25 600 m².
-    limit, size_min, size_max, positions : limits of regions and macro-blocks in range blocks, for
-        uniform pavements. Deprecated.
+    limit, size_min, size_max, positions : limits of regions and macro-blocks, counted in range
+        blocks of one side. Deprecated.
     tries : number of macro-blocks that the operator tries at each size in each round; None for all.
     isometries : whether the operator turns and mirrors donors. At each size, the operator draws one
         of the 8 isometries, which turns the donor's whole map with its domain blocks. On maps that
         are not square, the operator draws one of the 4 isometries that keep rows. The operator
         never turns the parent that fills the map.
-    repair, reach, domains : parameters of collage repair, as in `PavementFusion`.
+    repair, reach, domains : parameters of collage repair, as in the operator `PavementFusion`.
     """
 
     tolerance: float = 12.0

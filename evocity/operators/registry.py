@@ -28,7 +28,13 @@ from evocity.operators.lambda_field import LambdaField
 from evocity.operators.mutation import Mutation
 from evocity.operators.parameters import Faults, at_fault, wrong_types
 from evocity.operators.pavement_fusion import DirectFusion, PavementFusion
+from evocity.operators.plan_change import PlanChange
+from evocity.operators.plan_crossing import PlanCrossing
 from evocity.operators.plan_fusion import PlanFusion
+from evocity.operators.plan_return import PlanReturn
+from evocity.operators.plan_seam import PlanSeam
+from evocity.operators.plan_spread import PlanSpread
+from evocity.operators.plan_storeys import PlanStoreys
 from evocity.operators.quarter_fusion import QuarterFusion, QuarterRefill
 from evocity.operators.rearrangements import BlockExchange, GeneCopy, GeneExchange, Relocation
 from evocity.operators.region_fusion import RegionFusion
@@ -39,8 +45,8 @@ class Operator(Protocol):
     """Protocol of operators: a number of parents, and a call that breeds a child.
 
     The attribute ``parents`` holds the fewest and the most parents, with None for any number. The
-    call never changes a parent, and takes random numbers only from the generator ``rng``. The call
-    sets the fields ``parent`` and ``source`` of every lifs.
+    call never changes a parent, and takes random numbers only from the generator ``rng``. A call of
+    the operator sets the fields ``parent`` and ``source`` of every lifs.
 
     An operator whose parameters do not suit every number of parents has a method
     ``check_count(count)``. The method ``check_count`` raises `OperatorError` for a number of
@@ -62,6 +68,12 @@ OPERATORS: Mapping[str, type[Operator]] = {
         QuarterFusion,
         QuarterRefill,
         PlanFusion,
+        PlanChange,
+        PlanSeam,
+        PlanCrossing,
+        PlanSpread,
+        PlanReturn,
+        PlanStoreys,
         DirectFusion,
         AsymmetricFusion,
         SymmetricFusion,
@@ -97,7 +109,7 @@ OF_FORMS: Mapping[str, type[Operator]] = {
 
 
 def operators(of: Collection[str] | None = None) -> dict[str, type[Operator]]:
-    """List all operators by name: those of the package, and those of other packages with entry
+    """List all operators by name: operators of evocity, and operators of other packages with entry
     points ``evocity.operators``. The argument ``of`` selects the operators that breed "fabric",
     "shape" or "curve"."""
     known = OPERATORS | OF_FORMS | _plugins()[0]
@@ -142,8 +154,8 @@ def _plugins() -> tuple[dict[str, type[Operator]], tuple[str, ...], dict[str, st
 def make(name: str, **parameters: Any) -> Operator:
     """Make the operator called ``name`` with the ``parameters``.
 
-    Raises `OperatorError` for an unknown name, and then lists all operators. For wrong parameters,
-    the error lists each parameter with its value and the allowed values.
+    Raises `OperatorError` for an unknown name; the message lists all operators. For wrong
+    parameters, the message of the error lists each parameter with its value and the allowed values.
     """
     known_kinds = operators()
     if name not in known_kinds:
@@ -173,7 +185,8 @@ def make(name: str, **parameters: Any) -> Operator:
     except Exception as error:  # another package's operator; ours raise `OperatorError`
         if not faults:
             raise OperatorError(
-                f"the operator {name} with {spell(parameters)} raised {describe_error(error)}",
+                f"the operator {name} with the parameters {spell(parameters)} raised "
+                f"{describe_error(error)}",
                 "parameters that the operator accepts",
                 f"read about the parameters in the docstring of {kind.__name__}",
             ) from error
@@ -183,7 +196,7 @@ def make(name: str, **parameters: Any) -> Operator:
 
 
 def parameters_of(kind: type[Operator]) -> list[str]:
-    """List the names of the parameters of a class of operators, in the order of its
+    """List the names of the parameters of a class of operators, in the order of the class's
     signature."""
     return list(_parameters_of(kind))
 

@@ -45,9 +45,9 @@ def collage_repair(
     """Find new domain blocks for blocks of ``genome`` that, decoded without flat roofs, differ from
     ``intended``.
 
-    In adaptive pavements, blocks that differ are split into parts of 4 px, and each part gets a new
-    domain block. If no domain block matches a part within the threshold, the part is split again,
-    down to the genome's smallest side.
+    If range blocks have different sides, blocks that differ from the intended map are split into
+    parts of 4 px, and each part gets a new domain block. If no domain block matches a part within
+    the threshold, the part is split again, down to the genome's smallest side.
 
     Parameters
     ----------
@@ -56,14 +56,14 @@ def collage_repair(
     threshold : largest accepted difference of a block, root mean square, metres.
     reach, domains : limits of the search for new domain blocks, as in `evocity.encode`.
     rounds : largest number of repairs. Several repairs may be necessary, because a repaired block
-        can disturb the blocks that read it.
+        can disturb blocks that read the repaired block.
     clear : whether to lower, at the end, range blocks in which open ground would become built.
 
     Returns
     -------
-    The function returns the repaired genome, and the number of replaced lifs. If no block differed,
-    the function returns the same genome object. The fields ``parent`` and ``source`` of every lifs
-    do not change, because they name the origin of the intended content.
+    The function returns the repaired genome, and the number of replaced lifs. If no block differs
+    from the intended map, the function returns the given genome object. The fields ``parent`` and
+    ``source`` of every lifs do not change, because they name the origin of the intended content.
     """
     intended = np.ascontiguousarray(intended, np.float32)
     if genome.condensation is not None:

@@ -13,10 +13,11 @@ USUAL = (2, 16)
 
 
 def halved_sides(finest: int, root: int) -> tuple[int, ...]:
-    """List the sides of leaves in px, from ``root`` down to ``finest``; each side is half of the
-    side before.
+    """List the sides of quadtree leaves in px, from ``root`` down to ``finest``; each side is half
+    of the previous side.
 
-    Raises `GenomeError` if no halving of ``root`` gives ``finest``, or if ``finest`` is below 2.
+    Raises `GenomeError` if repeated halving of ``root`` does not give ``finest``, or if ``finest``
+    is below 2.
     """
     sides = [root]
     while sides[-1] > finest and sides[-1] % 2 == 0:
@@ -32,9 +33,9 @@ def halved_sides(finest: int, root: int) -> tuple[int, ...]:
 
 
 def read_sides(text: str) -> int | tuple[int, int]:
-    """Read the side of range blocks in px, for example "4", or the finest and the largest side of
-    leaves, for example "2-16". Raises `GenomeError` for a text that is neither a number nor a pair
-    of numbers."""
+    """Read the side of range blocks in px, for example "4", or the smallest and the largest side of
+    range blocks, for example "2-16". Raises `GenomeError` for a text that is neither a number nor a
+    pair of numbers with a hyphen."""
     parts = text.strip().split("-")
     if len(parts) <= 2 and all(part.strip().isascii() and part.strip().isdigit() for part in parts):
         sides = tuple(int(part) for part in parts)
@@ -50,7 +51,7 @@ def read_sides(text: str) -> int | tuple[int, int]:
 
 
 def fitting_sides(height: int, width: int) -> tuple[int, int]:
-    """Choose the finest and the largest side of range blocks for a map of ``height`` × ``width``
+    """Choose the smallest and the largest side of range blocks for a map of ``height`` × ``width``
     px. The finest side of range blocks is 2 px. The largest side is 16 px, or less if 16 does not
     divide both the height and the width. Raises `GenomeError` if the height or the width is odd."""
     finest, root = USUAL
@@ -63,8 +64,8 @@ def fitting_sides(height: int, width: int) -> tuple[int, int]:
         raise GenomeError(
             f"a map of {height} × {width} px cannot have range blocks of {finest} px and more",
             f"an even height and an even width: height {near[0]}, width {near[1]}",
-            "crop or read the map at this size, or encode it with one side of range blocks that "
-            "divides its height and width",
+            "crop or read the map at this size, or encode the map with one side of range blocks "
+            "that divides its height and width",
         )
     return finest, root
 

@@ -12,7 +12,7 @@ from evocity.pavement._kernels import cut_squares, spread, sum_squares, tile
 class Pavement:
     """Range blocks of a map: squares that tile the map without gaps and without overlap.
 
-    In Jacquin's uniform partition, all range blocks have the same side B. In an adaptive partition,
+    In Jacquin's uniform partition, all range blocks have one side, B. In an adaptive partition,
     which Marsault proposes (2002 §6.1, 2005 §4.1-4.2), the range blocks are the leaves of a
     quadtree. Range blocks are numbered row by row, in the order of their corners (top, left). The
     sides of all range blocks, in the order of their numbers, determine the places of the blocks.
@@ -25,18 +25,20 @@ class Pavement:
 
     Attributes
     ----------
-    corners : (top, left) of each range block's north-west pixel, int32 ``(n,)`` each.
+    corners : row (top) and column (left) of each range block's north-west pixel, two arrays of
+        int32 ``(n,)``.
     side : side of each range block, px, int32 ``(n,)``.
     block : common side of all range blocks, px. If range blocks have different sides, reading
         ``block`` raises `GenomeError`.
-    rows, columns : number of range blocks from north to south, and from west to east. If range
-        blocks have different sides, reading ``rows`` or ``columns`` raises `GenomeError`.
+    rows, columns : number of range blocks in a column, from north to south, and in a row, from west
+        to east. If range blocks have different sides, reading ``rows`` or ``columns`` raises
+        `GenomeError`.
     finest, coarsest : side of the smallest and of the largest range block, px.
     index : number of the range block that each pixel belongs to, int32 ``(H, W)``.
     levels : mapping from each side to the numbers of the range blocks with this side, ascending.
 
-    All arrays are read-only. Two pavements are equal if their range blocks have equal places and
-    sides.
+    All arrays of a pavement are read-only. Two pavements (tilings by range blocks) are equal if
+    their range blocks have equal places and sides.
 
     Raises
     ------
@@ -112,7 +114,8 @@ class Pavement:
 
     @property
     def ends(self) -> int | tuple[int, int]:
-        """Side that all range blocks share, or else the smallest and the largest of their sides."""
+        """Common side of all range blocks; if the sides differ, the smallest and the largest
+        side."""
         return self.block if self.uniform else (self.finest, self.coarsest)
 
     @property
@@ -122,7 +125,7 @@ class Pavement:
                 f"the {len(self)} range blocks have no common side: their sides are from "
                 f"{self.finest} to {self.coarsest} px",
                 "range blocks that all have the same side",
-                "use Pavement.side or Pavement.finest, or encode with one side: "
+                "use Pavement.side or Pavement.finest, or encode the map with one side: "
                 f"{keyword('block', 4)}",
             )
         return self._block
@@ -168,8 +171,8 @@ class Pavement:
         return self.side.astype(np.int64) ** 2
 
     def scaled(self, step: int, per: int) -> "Pavement":
-        """Make a pavement with all sides multiplied by ``step / per``. Each new side must be a
-        whole number of pixels, 2 or more."""
+        """Make a copy of the pavement with all sides multiplied by the fraction ``step / per``.
+        Each side of the copy must be a whole number of pixels, 2 or more."""
         if self.uniform:
             block = self.block * step // per
             return Pavement(self.rows * block, self.columns * block, block)
@@ -179,9 +182,10 @@ class Pavement:
     # -- pixels and range blocks -----------------------------------------------------------
 
     def blocks(self, raster: np.ndarray, side: int | None = None) -> np.ndarray:
-        """Cut the range blocks with the side s out of a ``(H, W)`` raster, in the order of
-        `levels`. The result is a copy with the shape ``(m, s, s)``. For a uniform pavement, whose
-        range blocks all have the same side, leave out the argument ``side``."""
+        """Cut all range blocks with the side s out of a ``(H, W)`` raster, in the order of the
+        attribute `levels`. The result is a copy with the shape ``(m, s, s)``, for m range blocks
+        with the side s. For a uniform pavement, whose range blocks all have the same side, leave
+        out the argument ``side``."""
         if self.uniform and side in (None, self._block):
             b = self.block
             cut = raster.reshape(self.rows, b, self.columns, b).swapaxes(1, 2)
@@ -190,15 +194,16 @@ class Pavement:
         return self.squares(raster, self.levels[side], side)
 
     def squares(self, raster: np.ndarray, which: np.ndarray, side: int) -> np.ndarray:
-        """Copy m range blocks with the side s from a ``(H, W)`` raster: ``(m, s, s)``. The argument
-        ``which``, an array ``(m,)``, holds the numbers of the range blocks."""
+        """Copy m range blocks with the side s from a ``(H, W)`` raster into an array ``(m, s, s)``.
+        The argument ``which``, an array ``(m,)``, holds the numbers of the range blocks to copy."""
         blocks = np.empty((which.size, side, side), raster.dtype)
         cut_squares(raster, *self.corners, which, blocks)
         return blocks
 
     def raster(self, values: np.ndarray) -> np.ndarray:
         """Spread ``(n,)`` values, one for each range block, over a ``(H, W)`` raster. If all range
-        blocks have the side B, the method also accepts the pixels of each block, ``(n, B, B)``."""
+        blocks have the side B, the method also accepts one value for each pixel of each block,
+        ``(n, B, B)``."""
         if not self.uniform and values.ndim == 1:
             raster = np.empty((self.height, self.width), values.dtype)
             spread(values, self.index.ravel(), raster.ravel())

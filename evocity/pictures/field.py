@@ -36,7 +36,7 @@ class Field:
 
 @dataclass(frozen=True, eq=False)
 class Shares:
-    """Shares of several parts in each pixel of a city.
+    """Shares of several parts, for example source cities, in each pixel of a city.
 
     city : the city whose grid the shares use; its name and attribution go into every picture.
     weights : the shares, float32 ``(H, W, n)``, each 0 to 1. The shares of a pixel add up to 1.
@@ -75,7 +75,8 @@ class Faces:
 
     city : the map on which the faces are drawn; its name and attribution go into every picture.
     labels : int32 ``(H, W)``, the face of each pixel, 1…n; 0 on the axes of streets.
-    lots : int32 ``(H, W)``, the face of each pixel that belongs to a lot; 0 elsewhere.
+    lots : int32 ``(H, W)``, the face of each pixel on which buildings may stand (a lot); 0
+        elsewhere.
     centres : float64 ``(n, 2)``, row and column of the middle of each face, px.
     angles : float64 ``(n,)``, direction of the walls in each face, radians from east towards south;
         NaN for a face without walls.
@@ -94,10 +95,10 @@ class Faces:
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """The difference of two cities in metres, above 0 where the second city is higher than the
-    first.
+    """The difference in height between two cities, metres; above 0 where the second city is higher
+    than the first.
 
-    Raises `EvocityError` if the two maps have different grids of pixels.
+    Raises `EvocityError` if the two maps differ in the number or the size of their pixels.
     """
 
     first: CityMap

@@ -85,9 +85,9 @@ def render_field(field: Field, *, zoom: int = 1) -> Image.Image:
 
 def render_leaves(leaves: Leaves, *, legend: bool = True, zoom: int = CLOSEST) -> Image.Image:
     """Draw a map with the borders of its range blocks. Each border is a line of one picture pixel
-    along the north and west sides of a block. The line is dark on pale pixels and pale on dark
-    pixels. The arguments ``legend`` and ``zoom`` work as in `render`. At a zoom below 4, the
-    borders of blocks of 2 px run together."""
+    along the north and west sides of a block. The line between two blocks is dark on pale pixels
+    and pale on dark pixels. The arguments ``legend`` and ``zoom`` work as in `render`. At a zoom
+    below 4, the borders of blocks of 2 px touch each other."""
     city, p = leaves.city, leaves.pavement
     end = scale_end(city)
     colours = np.array(render(city, highest=end, legend=False, zoom=zoom), np.float32)
@@ -103,9 +103,9 @@ def render_leaves(leaves: Leaves, *, legend: bool = True, zoom: int = CLOSEST) -
 
 
 def render_faces(faces: Faces, *, legend: bool = True, zoom: int = CLOSEST) -> Image.Image:
-    """Draw a map with its faces between streets. Each face has a tint, and its lot has a stronger
-    one. Dark lines follow the axes of streets. A red cross in each face shows the directions of its
-    walls. The arguments ``legend`` and ``zoom`` work as in `render`."""
+    """Draw a map with its faces between streets. Each face has a tint, and its lot (the ground for
+    buildings) has a stronger tint. Dark lines follow the axes of streets. A red cross in each face
+    shows the directions of its walls. The arguments ``legend`` and ``zoom`` work as in `render`."""
     city = faces.city
     end = scale_end(city)
     colours = np.array(render(city, highest=end, legend=False), np.float32)
@@ -133,10 +133,11 @@ def render_faces(faces: Faces, *, legend: bool = True, zoom: int = CLOSEST) -> I
 
 
 def render_shares(shares: Shares, *, legend: bool = True, zoom: int = 1) -> Image.Image:
-    """Draw the shares of parts in a city. Each part has a colour (`city_colours`); a pixel mixes
-    the colours of its parts by their shares. Higher roofs are darker, and ground is pale. The
-    legend lists the parts with their shares of the whole map, the largest first. The arguments
-    ``legend`` and ``zoom`` work as in `render`."""
+    """Draw the shares of several parts, for example source cities, in each pixel of a city. Each
+    part has a colour (`city_colours`); a pixel mixes the colours of the parts in proportion to
+    their shares. Higher roofs are darker than lower roofs, and ground is pale. The legend lists the
+    parts with their shares of the whole map, the largest first. The arguments ``legend`` and
+    ``zoom`` work as in `render`."""
     city, weights = shares.city, np.asarray(shares.weights)
     hues = oklab(np.array([rgb(colour) for colour in city_colours(shares.parts)]) / 255)
     mixed = weights.reshape(-1, len(hues)) @ hues
@@ -162,7 +163,7 @@ def render_shares(shares: Shares, *, legend: bool = True, zoom: int = 1) -> Imag
 
 def render_change(change: Change, *, zoom: int = 1) -> Image.Image:
     """Draw the difference of two cities: red where the second city is higher, and blue where it is
-    lower. The title, scale bar and attribution are as in `render`."""
+    lower. The title, scale bar and attribution look as in the function `render`."""
     city = change.second.replace(change.second.heights, attribution=change.attribution)
     colours = change_colours(change.metres, change.end).repeat(zoom, axis=0).repeat(zoom, axis=1)
     end = change.end

@@ -30,10 +30,10 @@ def front(
     ax: Axes | None = None,
 ) -> Axes:
     """Draw births as points in a plot of two measures. Four kinds of points mark four groups: the
-    front of a generation; the other individuals of that generation; the first population; all other
-    births. Crosses mark births that break a constraint. Maps beside the plot show births of the
-    front with very different values. Each map shows the id of its birth, and a line connects the
-    map with its point.
+    front of a generation; its remaining individuals; the first population; all births outside these
+    groups. Crosses mark births that break a constraint. Maps beside the plot show births of the
+    front whose values of the two measures differ strongly. Each map shows the id of its birth, and
+    a line connects the map with its point.
 
     x, y : names of the measures for the horizontal and the vertical axis.
     generation : number of the generation whose front to draw; by default the last generation.

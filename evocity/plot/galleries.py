@@ -46,11 +46,11 @@ def gallery(
         gallery shows the living individuals, with the best first.
     columns : number of maps in each row, from 1 to 20.
     order : name of a measure that sorts the maps, with the best first. The argument ``order`` can
-        name a column of numbers in the given data frame, for example a column from `Run.score`. The
-        order "looks" puts similar maps next to each other. By default, the maps keep the order in
-        which the individuals are given.
-    clusters : number of groups of individuals with similar maps. Each group starts on a new row
-        with its medoid, the middle individual of the group.
+        name a column of numbers in the given data frame, for example a column from `Run.score`.
+        With ``order="looks"``, similar maps stand next to each other. By default, the maps keep the
+        order in which the individuals are given.
+    clusters : number of groups into which the individuals are divided, by the similarity of their
+        maps. Each group starts on a new row with its medoid, the middle individual of the group.
 
     Raises `EvocityError` for an invalid number of columns or groups, for an invalid order, and for
     too many individuals. Raises `RunError` for an unknown id.

@@ -30,10 +30,10 @@ _MOST_POINTS = 3000
 
 def objectives(run: Run, measures: str | Sequence[str] | None = None, ax: object = None) -> Panels:
     """Draw the values of each measure over the generations, with one panel per measure. A panel
-    shows the range, the middle half, the median and the best value of the living individuals. The
+    shows the range, the middle half, the median and the best value of the living individuals. Each
     panel considers only individuals that keep the constraints; crosses mark individuals that break
-    a constraint. Dashed lines show the target and the bounds. A dotted line shows the median of the
-    first population.
+    a constraint. Dashed lines show the target and the bounds of the measure. A dotted line shows
+    the median of the first population.
 
     measures : names of the measures to draw; by default the measures with a goal or bounds.
     ax : axes of matplotlib, one for each measure; by default the function makes new axes.
@@ -174,10 +174,10 @@ def _archive_volumes(births: Births) -> tuple[np.ndarray, np.ndarray]:
 
 def diversity(run: Run, ax: Axes | None = None) -> Axes:
     """Draw the diversity of the living individuals over the generations. The first curve is the
-    share of the map on which the heights of two individuals differ by more than a storey. The first
-    curve shows the mean share over all pairs of individuals. The second curve is the share of the
-    map whose fabric lies at the same place as in the source city. For a long run, the plot shows
-    only some generations, evenly spaced."""
+    share of the map on which the heights of two individuals differ by more than a storey. The value
+    of the first curve is the mean of this share over all pairs of individuals. The second curve is
+    the share of the map whose fabric lies at the same place as in the source city. For a long run,
+    the plot shows only some generations, evenly spaced."""
     births = births_of(run)
     ax = style.panel(ax)
     at, apart = diversity_of(births, Likeness(births), "looks", _COMPUTED)

@@ -43,7 +43,7 @@ def lifs(genome: Genome | Individual, what: str = "sigma", ax: Axes | None = Non
         above 0. The parameter "lambda" is the share λ of a lifs that comes from its main source
         city. The parameter "side" is the width of the range block in metres. The parameter "usage"
         is the number of lifs that read the same domain block. With the name "provenance", the
-        picture shows the source cities of each place.
+        picture shows which source city each place of the map comes from.
 
     Raises `EvocityError` for an unknown parameter.
     """
@@ -171,7 +171,7 @@ def buildings(
     """Draw cumulative distributions: the share of buildings up to each size. The continuous line
     shows the individual, and the dashed lines show its parents. Dotted grey lines show the
     reference cities. Each source city has a line in its own colour. The legend shows the number of
-    buildings and the median size.
+    buildings and the median size of each map.
 
     individual : the individual of a run to draw, for example ``run[97]``.
     of : kind of size to draw: "area", "height", "perimeter" or "volume".

@@ -27,7 +27,7 @@ def first_and_last(
 ) -> Panels:
     """Draw histograms of each measure for the first and for the last population, with one panel per
     measure. The histograms count only individuals that keep the constraints. Marks above a
-    histogram show the medians. Dashed lines show the target and the bounds.
+    histogram show the medians. Dashed lines show the target and the bounds of the measure.
 
     measures : names of the measures to draw; by default the measures with a goal or bounds.
     ax : axes of matplotlib, one for each measure; by default the function makes new axes.
@@ -88,9 +88,9 @@ def parallel(
     run: Run, of: object = None, measures: str | Sequence[str] | None = None, ax: Axes | None = None
 ) -> Axes:
     """Draw parallel coordinates, with a line per individual and a vertical axis per measure. If the
-    run has a goal for a measure, the better values are at the top of its axis. If an individual
-    keeps the constraints, the colour of its line shows the first measure. Individuals that break a
-    constraint have grey dotted lines.
+    run has a goal for a measure, the top of the measure's axis shows the better values. If an
+    individual keeps the constraints, the colour of the individual's line shows the first measure.
+    Individuals that break a constraint have grey dotted lines.
 
     of : individuals to draw, as a data frame, ids or individuals; by default the living
         individuals.
@@ -177,7 +177,8 @@ def _alone(heights: np.ndarray) -> np.ndarray:
 def credit(run: Run, ax: Axes | None = None) -> Axes:
     """Draw the success of each operator as bars. The bars count the births of the operator, the
     births that survived at least one generation, and the births that entered the archive. A text
-    beside the bars of an operator gives its share of the ancestors of the living individuals.
+    beside the bars of an operator gives the operator's share of the ancestors of the living
+    individuals.
 
     Raises `RunError` if the run does not record its goals.
     """

@@ -9,6 +9,7 @@ from pydantic_core import PydanticCustomError
 from evocity import fitness, operators
 from evocity.citymap import MAX_SIDE
 from evocity.errors import OperatorError, add_near_miss, is_whole, spell
+from evocity.fitness.part import own_name
 from evocity.genome import MOST_PARENTS
 from evocity.operators.grid import METRES
 from evocity.pavement.levels import USUAL
@@ -164,7 +165,11 @@ def _read_sides(block) -> tuple[int, ...]:
 def cross_faults(recipe: BaseModel) -> list[Fault]:
     """List the faults of a `Recipe` whose keys are valid each by itself."""
     checks = (_measures, _parents, _operators, _subjects, _populations, island_faults, _descriptors)
-    return [fault for check in (*checks, _refinement, _targets) for fault in check(recipe)]
+    return [
+        fault
+        for check in (*checks, _refinement, _targets, _shares, _plans)
+        for fault in check(recipe)
+    ]
 
 
 def _measures(recipe: BaseModel) -> Iterator[Fault]:
@@ -284,6 +289,34 @@ def _descriptors(recipe: BaseModel) -> Iterator[Fault]:
                 found = add_near_miss(f"no measure {spell(name)} of one number", name, known)
                 allowed = f"a measure of evocity, [[fitness]] or run.record: {', '.join(own)}"
                 yield f"{key}.descriptors", found, allowed
+
+
+def _shares(recipe: BaseModel) -> Iterator[Fault]:
+    """Bounds on `smallest_share` that no child of so many parents keeps."""
+    count = len(recipe.parents)
+    for number, entry in enumerate(recipe.fitness):
+        names = {own_name(measure.name) for measure in entry.measures}
+        if fitness.smallest_share.name not in names or entry.min is None:
+            continue
+        found = f"{entry.min:g} for smallest_share, with {count} parent{'s' * (count > 1)}"
+        if count == 1:
+            allowed = "no bound on smallest_share: the lone parent always has all"
+            yield f"fitness[{number}].min", found, allowed
+        elif entry.min > 1 / count:
+            allowed = f"{math.floor(100 / count) / 100:g} or less: each of {count} equal shares"
+            yield f"fitness[{number}].min", found, allowed
+
+
+def _plans(recipe: BaseModel) -> Iterator[Fault]:
+    """Niches of plans in a run whose chromosomes have no plan."""
+    if recipe.kind.name == "fabric":
+        return
+    keys = [f"islands[{number}]" for number in range(len(recipe.islands))] or ["search"]
+    for place, local in zip(keys, recipe.local, strict=True):
+        for key in ("per_plan", "source_plans", "mates"):
+            if value := local.search.settings.get(key, 0):
+                found = f"{value:g}, in a run of kind {spell(recipe.kind.name)}"
+                yield f"{place}.{key}", found, "0: only fabrics have plans of streets"
 
 
 def _refinement(recipe: BaseModel) -> Iterator[Fault]:

@@ -49,7 +49,7 @@ class IslandSection(BaseModel):
         own = dict(self.model_extra or {})
         if self.algorithm in (None, search.algorithm):
             own = (search.model_extra or {}) | own
-        shared = {"picks": search.picks, "adapt": search.adapt}
+        shared = {key: getattr(search, key) for key in ("picks", "adapt", "mates")}
         return SearchSection(**own | shared | {"algorithm": self.algorithm or search.algorithm})
 
     def operators_of(self, operators: Mapping[str, OperatorEntry]) -> dict[str, OperatorEntry]:

@@ -43,6 +43,23 @@ def usual_operators(kind: str = "fabric") -> dict[str, OperatorEntry]:
     }
 
 
+#: The mixture of new recipes with several parents: operators that keep the plan of a parent.
+PLAN_OPERATORS: Mapping[str, Mapping[str, Any]] = {
+    "plan_fusion": {"weight": 3},
+    "plan_crossing": {"weight": 5},
+    "plan_spread": {"weight": 1},
+    "plan_storeys": {"weight": 1},
+    "plan_return": {"weight": 0.5},
+    "plan_change": {"weight": 2},
+    "plan_seam": {"weight": 0.5},
+}
+
+
+def plan_operators() -> dict[str, OperatorEntry]:
+    """Make the mixture of new recipes with several parents."""
+    return {name: OperatorEntry(**entry) for name, entry in PLAN_OPERATORS.items()}
+
+
 def entry_table(value: Any) -> Any:
     """Write the value under an operator's name as the table of an `OperatorEntry`."""
     if isinstance(value, dict | OperatorEntry):

@@ -43,13 +43,13 @@ def read_recipe(source: str | os.PathLike = "demo", **overrides: int | str | Non
     ----------
     source : path to a TOML file, or name of a bundled recipe (see `recipes`).
     overrides : new values for the recipe's keys ``generations``, ``population``, ``seed``,
-        ``workers`` and ``cluster``, and for ``until`` of ``[stop]``. An override with the value
-        None leaves the recipe's value unchanged.
+        ``workers`` and ``cluster``, and for the key ``until`` of the section ``[stop]``. An
+        override with the value None leaves the recipe's value unchanged.
 
     Raises
     ------
-    RecipeError : error if the recipe has faults. The message lists every fault with its key, the
-        value that arrived, and the values that are allowed.
+    RecipeError : error if the recipe has faults. The message of the error lists every fault with
+        its key, the value that arrived, and the values that are allowed.
 
     Reading a recipe executes the files of the user's own measures that the recipe names.
     """

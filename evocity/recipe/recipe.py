@@ -55,8 +55,8 @@ from evocity.section import Section
 
 
 class Recipe(Section, Displayed):
-    """Recipe of a search, checked and without faults. The function `evocity.read_recipe` reads a
-    recipe from a file, and the constructor makes a recipe from its sections.
+    """Recipe of a search, checked for faults. The function `evocity.read_recipe` reads a recipe
+    from a file; the constructor makes a recipe from mappings, one for each section.
 
     >>> import evocity
     >>> recipe = evocity.Recipe(
@@ -81,8 +81,8 @@ class Recipe(Section, Displayed):
     is the name of the recipe's file in ``folder``, or None for a recipe that was not read from a
     file.
 
-    If the recipe has faults, the constructor raises `RecipeError` with a list of all faults and
-    their keys.
+    If the recipe has faults, the constructor raises `RecipeError`, which lists each fault with its
+    key.
     """
 
     run: RunSection = RunSection()
@@ -148,7 +148,7 @@ class Recipe(Section, Displayed):
 
     @property
     def kind(self) -> Kind:
-        """Kind of chromosomes that the run breeds, such as fabric."""
+        """Kind of chromosomes that the run breeds, for example "fabric"."""
         return KINDS[self.run.kind]
 
     @property
@@ -163,19 +163,19 @@ class Recipe(Section, Displayed):
 
     @property
     def entries(self) -> list[MeasureEntry]:
-        """Entries of all measures: first the entries of the section ``fitness``, then the entries
-        of measures that the run only records."""
+        """Entries of all measures in the recipe: first the section ``fitness``, then the measures
+        that the run only records."""
         return [*self.fitness, *self.recording]
 
     @property
     def recording(self) -> list[MeasureEntry]:
-        """Entries of measures that the run only records, because ``run.record`` names them or
-        because an algorithm needs them."""
+        """Entries of the measures that the run only records, because the key ``run.record`` names
+        them or an algorithm needs them."""
         return [*self.run.record, *self._described]
 
     @property
     def measures(self) -> list[Measure]:
-        """Measures that are goals or constraints, in the order of the recipe's entries."""
+        """Measures that are goals or constraints, in the order of the entries in the recipe."""
         return [measure for entry in self.fitness for measure in entry.measures]
 
     @property
@@ -203,7 +203,7 @@ class Recipe(Section, Displayed):
     @property
     def local(self) -> list["Recipe"]:
         """Recipe of each island, with the island's own operators and its own algorithm. If the
-        recipe has no islands, the list contains only the recipe itself."""
+        recipe has no islands, the list `local` contains only the recipe itself."""
         return [
             self.model_copy(
                 update={
@@ -217,15 +217,16 @@ class Recipe(Section, Displayed):
 
     @property
     def slots(self) -> list[range]:
-        """Slots of each island, where slots are the numbers of the births within a generation. In a
-        recipe without islands, one range contains all slots."""
+        """Slots of each island: the numbers, within a generation, of the births that the island
+        breeds. In a recipe without islands, one range contains all slots."""
         ends = [0]
         for island in self.islands:
             ends.append(ends[-1] + island.population)
         return [range(*ends) for ends in pairwise(ends)] or [range(self.run.population)]
 
     def at(self, slot: int) -> "Recipe":
-        """Return the recipe of the island that breeds birth number ``slot`` of a generation."""
+        """Return the recipe of the island that breeds the birth with the number ``slot`` in a
+        generation."""
         pairs = zip(self.local, self.slots, strict=True)
         return next(recipe for recipe, slots in pairs if slot in slots)
 
@@ -237,8 +238,8 @@ class Recipe(Section, Displayed):
 
     @property
     def mixtures(self) -> list[dict[str, float]]:
-        """Weights of the operators by name, one mapping for each island. The result leaves out
-        islands whose algorithm requires an operator of its own."""
+        """Weights of the operators by name, one mapping for each island. The result leaves out each
+        island whose algorithm breeds by a certain operator."""
         return [
             {name: entry.weight for name, entry in one.operators.items()}
             for one in self.local
@@ -247,9 +248,9 @@ class Recipe(Section, Displayed):
 
     @property
     def worker_count(self) -> int:
-        """Number of worker processes: the key ``workers``, or else the number of cores that this
-        process may use. With an embedded cluster, the number of workers is the number of all
-        processes of the cluster."""
+        """Number of worker processes: the value of the key ``workers``, or by default the number of
+        cores that this process may use. With an embedded cluster, the number of workers is the
+        number of all processes of the cluster."""
         workers, cluster = self.evaluation.workers, self.evaluation.cluster or ""
         if cluster.startswith("local:"):
             return int(cluster.removeprefix("local:")) * (workers or 1)
@@ -268,7 +269,7 @@ class Recipe(Section, Displayed):
 
     def parent_named(self, name: str) -> Parent | None:
         """Return the parent that the recipe calls ``name``, or else the parent whose map has this
-        name. Return None if no parent has this name, or if ``name`` is a map itself."""
+        name. Return None if no parent has this name, or if the argument ``name`` is a map."""
         given = next((parent for parent in self.parents if parent.title == name), None)
         if given is not None or is_map(self.folder, name):
             return given
@@ -277,23 +278,24 @@ class Recipe(Section, Displayed):
 
     def operator(self, name: str, **changes: Any) -> Operator:
         """Make the operator called ``name`` with the parameters of the recipe. The keyword
-        arguments ``changes`` replace values of the recipe. A parameter with a range gets the lower
-        end of its range.
+        arguments ``changes`` replace values of the operator's parameters in the recipe. If the
+        recipe gives a range for a parameter, the parameter gets the lower end of the range.
 
-        The operator takes the parameters ``reach`` and ``domains`` from the section ``[genome]``,
-        unless the operator's entry in the recipe has these keys, or the operator's attribute
-        ``own_defaults`` names them.
+        The operator takes ``reach`` and ``domains`` from the section ``[genome]``, except a
+        parameter that its recipe entry gives or that its attribute ``own_defaults`` names.
         """
         return operator_of(name, self.parameters(name), self.genome.coding, **changes)
 
     def operator_drawn(self, name: str, rng: np.random.Generator, **changes: Any) -> Operator:
-        """Make the operator called ``name`` for one birth, like the method `operator`. The random
-        generator ``rng`` draws the value of each parameter that has a range."""
+        """Make the operator called ``name``, like the method `operator`, but with random values of
+        parameters, for one birth. The random generator ``rng`` draws the value of each parameter
+        that has a range."""
         return self.drawing(name)(rng, **changes)
 
     def drawing(self, name: str) -> Callable[..., Operator]:
-        """Make a function that calls `operator_drawn` with the operator's name, for many births.
-        The returned function takes a random generator, and new values of parameters."""
+        """Make a function that calls the method `operator_drawn` for the operator called `name`,
+        for many births. The returned function takes a random generator, and optionally new values
+        of parameters."""
         return drawing_of(name, self.parameters(name), self.genome.coding)
 
     def takes(self, name: str, key: str) -> bool:
@@ -307,6 +309,6 @@ class Recipe(Section, Displayed):
         return is_range(operators.operators()[name], key, value)
 
     def parameters(self, name: str) -> dict[str, Any]:
-        """Return the parameters of the operator called ``name`` as the recipe writes them in
-        TOML."""
+        """Return the parameters of the operator called ``name`` as the TOML file of the recipe
+        writes them."""
         return self.operators.get(name, OperatorEntry()).parameters

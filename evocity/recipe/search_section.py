@@ -58,7 +58,7 @@ class EvaluationSection(Section):
         if self.workers == 0 and self.cluster not in (None, "none"):
             raise fault(
                 "workers = 0 is given together with a cluster",
-                "workers = 1 or more; or only one of the keys 'workers' and 'cluster'",
+                "workers = 1 or more, or only one of the two keys 'workers' and 'cluster'",
             )
         return self
 
@@ -110,7 +110,9 @@ def read_algorithm_keys(
 class SearchSection(BaseModel):
     """``[search]``: an ``algorithm`` of `evocity.selection.algorithms`, and its own keys.
 
-    ``picks``: the share of births whose first parent is a pick, while there are picks. ``adapt``:
+    ``picks``: the share of births whose first parent is a pick, while there are picks. ``mates``:
+    the share of crossings of plans whose parents have one plan, while some of the living have.
+    ``adapt``:
     weights of operators follow the success of their births, see `evocity.search.breeding.credit`.
     ``window``: parents of a birth are at least so many births older, see
     `evocity.search.schedules`; None breeds one whole generation after the other.
@@ -121,6 +123,7 @@ class SearchSection(BaseModel):
     algorithm: AlgorithmName = DEFAULT
     picks: float = Field(0.5, gt=0, le=1)
     adapt: bool = False
+    mates: float = Field(0.0, ge=0, le=1)
     window: int | None = Field(None, ge=1, le=100_000)
 
     @property
@@ -133,6 +136,12 @@ class SearchSection(BaseModel):
         """All keys with their values, defaults included."""
         common = {name: getattr(self, name) for name in SearchSection.model_fields}
         return common | self.keys.model_dump()
+
+    @property
+    def has_niches(self) -> bool:
+        """Whether births need the names of their plans."""
+        settings = self.settings
+        return any(settings.get(key) for key in ("mates", "per_plan", "source_plans"))
 
     @property
     def own(self) -> tuple[str, ...]:

@@ -60,8 +60,8 @@ def repeated(run: RunLog) -> str:
 
 
 def differing(run: RunLog) -> list[dict]:
-    """Return the births that gave a different result when the ``run`` replayed them as a check,
-    oldest first. Each entry is a mapping with the keys ``generation``, ``id`` and ``differs``, see
+    """Return the births for which a check by replaying the ``run`` gave a different result, oldest
+    first. Each entry is a mapping with the keys ``generation``, ``id`` and ``differs``, see
     `evocity.search.resume.replay.Replayed`."""
     keys = ("generation", "id", "differs")
     listed = [{key: one.get(key) for key in keys} for one in run.events() if _is_whole(one)]
@@ -69,7 +69,8 @@ def differing(run: RunLog) -> list[dict]:
 
 
 def differing_told(run: RunLog) -> str:
-    """Describe in words which replayed births differed. Return "" if no birth differed."""
+    """Describe in words which births gave a different result when they were replayed. Return "" if
+    all replayed births gave equal results."""
     births = differing(run)
     if not births:
         return ""

@@ -81,11 +81,12 @@ def write_report(run_folder: str | os.PathLike, output: str | os.PathLike | None
     """Write the report of a run as a web page. Return the path of the page: ``output``, or by
     default ``report.html`` in the run folder.
 
-    The page needs no other file. The page shows which individuals to keep and why, the parents, the
-    front, and curves over the generations. The page has galleries of the last generation and of the
-    archive, and tables of births and failures. The page ends with the settings of the run and the
-    attributions. Writing the report executes no file of the run folder. Raises `RunError` if there
-    is no run, if no generation is complete, or if the page cannot be written.
+    The page contains everything in one file. The page shows which individuals to keep and why, the
+    parents, the front, and curves over the generations. The page has galleries of the last
+    generation and of the archive, and tables of births and failures. The page ends with the
+    settings of the run and the attributions. Writing the report executes no file of the run folder.
+    Raises `RunError` if there is no run, if no generation is complete, or if the page cannot be
+    written.
     """
     run = open_run(run_folder)
     if output is None:

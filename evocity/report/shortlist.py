@@ -37,6 +37,7 @@ class ShortlistCard:
     role: str
     why: str
     gave_up: str
+    scarce: str
     alive: bool
     plan: str
     scene: str
@@ -61,6 +62,7 @@ def shortlist_cards(shown: ShownBirths, pictures: Pictures) -> list[ShortlistCar
             kept.role[:1].upper() + kept.role[1:],
             kept.why,
             kept.gave_up,
+            kept.scarce,
             kept.individual.alive,
             pictures.of(birth.id, city),
             uri,

@@ -220,12 +220,13 @@ class Scene:
         """Draw an axonometric picture with shadows. Parallel lines stay parallel, and the scale bar
         holds for lines that are horizontal in the picture.
 
-        width : width of the drawing in px, 16 to 8192; the height follows from the width.
+        width : width of the picture in px, 16 to 8192; the height of the picture follows from the
+            width.
         azimuth : direction in which the viewer looks, in degrees clockwise from north.
         tilt : angle of the viewer above the horizon, 1 to 90 degrees; 90 gives a plan.
         sun : direction of the sun in degrees clockwise from north, and the sun's angle above the
             horizon in degrees.
-        shadows : whether objects cast shadows.
+        shadows : whether objects cast shadows in the picture.
         colours : "heights" colours roofs by their height, on the scale of maps; "classes" colours
             objects by their class.
         highest : height in metres at which the colour scale ends; None means the scale of the map.
@@ -234,8 +235,8 @@ class Scene:
             beside the picture.
 
         Raises `MapError` for values out of range. Sources: Catmull 1974 describes the z-buffer, and
-        Williams 1978 describes shadows by a second z-buffer from the sun. A dense map of 256 × 256
-        px takes about 0.2 s.
+        Williams 1978 describes shadows by a second z-buffer from the sun. A picture of a dense map
+        of 256 × 256 px takes about 0.2 s.
         """
         return draw_scene(self._credited_city, self.groups, **how)
 
@@ -313,11 +314,11 @@ def scene(
     """Make a scene of a map, with its ground, its buildings, and its objects lower than buildings.
     Each building is a solid with a floor, walls and a flat roof.
 
-    classes : a table of classes and their colours, or the path of its TOML file. If ``classes`` is
-        None, the scene has the seven classes of this package.
-    library : a `Library` of objects, or the path of its folder. If an object of the library fits a
-        building, the object replaces the building. The generator ``rng`` chooses between objects
-        that fit equally well; None means a generator with the seed 0.
+    classes : a table of classes and their colours, or the path of a TOML file with such a table. If
+        ``classes`` is None, the scene has the seven default classes of evocity.
+    library : a `Library` of objects, or the path of a folder that contains a library. If an object
+        of the library fits a building, the object replaces the building. The generator ``rng``
+        chooses between objects that fit equally well; None means a generator with the seed 0.
     streets : whether the streets are separate surfaces.
     measures : values of the map's measures by name; CityJSON files store them as attributes.
     how : options of `CityMap.walled` for the walls: ``detail``, ``relative``, ``squared``,
@@ -326,7 +327,7 @@ def scene(
     if not isinstance(city, CityMap):
         raise MapError(
             f"a scene cannot be made of {spell(city)}",
-            "a CityMap",
+            "an object of the class CityMap",
             "read a map with evocity.read_map(…), or decode a genome: evocity.decode(genome).city",
         )
     if isinstance(classes, str | os.PathLike):

@@ -27,10 +27,10 @@ class Library:
     ids : a text for each of the n objects; no text occurs twice.
     classes : the class of each object, as in `CityMap.classes`.
     polygons : the footprints as valid shapely polygons, an object array ``(n,)``. Coordinates are
-        metres from the centroid, x to the east and y to the north.
+        metres from the centroid of each object, x to the east and y to the north.
     heights : the height of each object in metres, float64 ``(n,)``.
-    atmospheres : the kind of place that each object suits, as text; "" for an object that suits no
-        special kind.
+    atmospheres : the kind of urban place that each object suits, as text; "" for an object that
+        suits every place.
     licences : the licence of each object.
     attributions : the attribution line that each licence requires; "" if the licence requires none.
     attached : bool ``(n,)``: whether the object touches neighbouring buildings wall to wall.

@@ -91,7 +91,7 @@ def write_table(folder: Path, polygons: np.ndarray, columns: dict[str, Sequence]
         raise MapError(
             f"{str(folder / TABLE)!r} cannot be written: {error}",
             "a folder that you may write to, inside an existing folder",
-            "check the path, permissions and free space, or choose another place",
+            "check the path, permissions and free space, or choose another folder",
         ) from error
     return folder / TABLE
 
@@ -101,7 +101,9 @@ def check_ids(ids: Sequence[str], where: str) -> None:
     seen = set()
     for number, one in enumerate(ids, 1):
         if not one:
-            raise MapError(f"{where}: row {number} has no id", "an id in each row", "write an id")
+            raise MapError(
+                f"{where}: row {number} has no id", "an id in each row", "write an id into this row"
+            )
         if one in seen:
             raise MapError(
                 f"{where}: id {one} occurs twice",
@@ -154,8 +156,8 @@ def _layer(folder: Path, path: Path) -> tuple[np.ndarray, dict[str, np.ndarray],
             warnings.simplefilter("ignore")
             if LAYER not in [str(name) for name, _ in pyogrio.list_layers(path)]:
                 raise MapError(
-                    f"{path}: there is no layer {LAYER}",
-                    f"a layer with the name {LAYER}",
+                    f"{path}: there is no layer {LAYER!r}",
+                    f"a layer with the name {LAYER!r}",
                     "give this name to the layer of objects",
                 )
             meta, _, shapes, columns = pyogrio.raw.read(path, layer=LAYER, force_2d=True)
@@ -167,9 +169,9 @@ def _layer(folder: Path, path: Path) -> tuple[np.ndarray, dict[str, np.ndarray],
         ) from error
     if shapes is None:
         raise MapError(
-            f"{path}: its layer {LAYER} has no footprints",
+            f"{path}: the layer {LAYER!r} has no footprints",
             "a polygon for each object",
-            "export the table again, with its geometry",
+            "export the table again, with the geometry of the objects",
         )
     return shapes, dict(zip(map(str, meta["fields"]), columns, strict=True)), meta["crs"]
 
@@ -193,7 +195,7 @@ def _check_metres(path: Path, crs: str | None) -> None:
         axes = []
     if any(not math.isclose(axis.unit_conversion_factor, 1.0) for axis in axes[:2]):
         raise MapError(
-            f"{path}: its footprints are in {axes[0].unit_name}",
+            f"{path}: the footprints are in {axes[0].unit_name}",
             "footprints in metres",
             "project the footprints to a reference system in metres first",
         )

@@ -25,9 +25,10 @@ SHORTEST = 50.0
 def fabric_edges(
     city: CityMap, reach: float = REACH, shortest: float = SHORTEST
 ) -> list[np.ndarray]:
-    """Trace closed lines around the fabric and around the open ground inside it, the longest first.
+    """Trace closed lines around the fabric and around the open ground within the fabric, the
+    longest first.
 
-    The fabric is a morphological closing of the built pixels by discs of radius ``reach`` in
+    The fabric is the morphological closing of the built pixels by a disc with the radius ``reach``,
     metres. Lines connect the middles of pixel sides, so that slanted edges have no steps. At the
     map's border, the lines follow the border. The parameter ``shortest`` is the least length of a
     line, metres; shorter lines are left out.
@@ -53,8 +54,9 @@ def fabric_edges(
 
 def skyline(city: CityMap, bearing: float) -> np.ndarray:
     """Trace the outline of the roofs against the sky, as seen from far away. The viewer looks in
-    the direction ``bearing``, in degrees clockwise from north. Return float ``(n, 2)``: metres from
-    left to right, and height in metres. The points are a pixel's side apart.
+    the direction ``bearing``, in degrees clockwise from north. Return float ``(n, 2)``: for each of
+    n points, the distance from left to right and the height, metres. The distance between
+    neighbouring points is the side of a pixel.
 
     The roof of a pixel is level across the whole pixel. Raises `MapError` if the bearing is not
     finite.
@@ -82,8 +84,8 @@ def skyline(city: CityMap, bearing: float) -> np.ndarray:
 def facades(city: CityMap, shortest: float = SHORTEST) -> list[np.ndarray]:
     """Trace the straight walls of buildings in ``city.walls`` as closed lines. The lines are the
     outer wall of each building and the walls of its courts, the longest first. The parameter
-    ``shortest`` is the least length of a line, metres; shorter lines are left out. Raises the same
-    errors as `fabric_edges`."""
+    ``shortest`` is the least length of a line, metres; shorter lines are left out. Raises
+    `MapError` in the cases in which `fabric_edges` raises it."""
     _check(city, shortest=shortest)
     parts = shapely.get_parts(np.array(city.walls.polygons, dtype=object))
     rings = [ring for part in parts for ring in (part.exterior, *part.interiors)]

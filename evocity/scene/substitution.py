@@ -61,11 +61,11 @@ class Substitution:
         order and the reference system of the polygons are those of ``walls``.
     heights : the height of each building in metres, float64 ``(n,)``.
     objects : the number of the library's object that replaces each building, int32 ``(n,)``. If no
-        object fits a building, ``objects`` has the number -1 there, and the building keeps its own
-        form.
+        object fits a building, the array ``objects`` has the number -1 for this building, and the
+        building keeps its own form.
     transforms : the affine transform of each object, float64 ``(n, 2, 3)``; NaN for a building
-        without an object. A transform converts metres around the object's centroid into the city's
-        reference system: x' = a x + b y + c.
+        without an object. A transform converts metres (x, y) around the object's centroid into the
+        city's reference system: x' = a x + b y + c, with (a, b, c) the first row.
     vertical : float64 ``(n,)``: the factor that scales the height of each object; NaN for a
         building without an object.
     iou : float64 ``(n,)``: intersection over union of the object and the building's own polygon;
@@ -163,16 +163,17 @@ def substituted(
 ) -> Substitution:
     """Replace buildings of a map by objects of a library.
 
-    Each building takes the object that fills its footprint best, among objects of its own class.
-    The height of the object differs from the height of the building by at most a storey (3 m). The
-    object may be turned by any angle and mirrored, and its axes scaled by at most 15 %.
+    Each building takes the object that fills its footprint best, among the objects of the
+    building's class. The height of the object differs from the height of the building by at most a
+    storey (3 m). The object may be turned by any angle and mirrored, and its axes scaled by at most
+    15 %.
 
     The object stands within the footprint and a ``margin`` around it. Each point of the margin is
-    at least twice as far from any other building as from the building itself. No object therefore
-    crosses a neighbour, and the middle third of a street or passage stays open. If the building
-    stands wall to wall with others, the object is aligned with the party walls and stays between
-    them. If no object fits a building, the building keeps its own form. The generator ``rng``
-    chooses between objects that fit equally well.
+    at least twice as far from any other building as from the building itself. No object crosses a
+    neighbouring building, and the middle third of a street or passage stays open. If the building
+    stands wall to wall with neighbours, the object is aligned with the party walls and stays
+    between them. If no object fits a building, the building keeps its own form. The generator
+    ``rng`` chooses between objects that fit equally well.
 
     Parameters
     ----------
@@ -184,10 +185,10 @@ def substituted(
 
     Raises `MapError` for numbers out of range.
 
-    Sources: Marsault 2002 (000 §6.2) and 2005 (001 §3.1) propose libraries of objects that keep
-    heights and footprint. According to the papers, these libraries have "not been already
-    implemented"; the method here is our own. A map of about 300 buildings and a library of a
-    thousand objects take about 1 s.
+    Sources: Marsault 2002 (§6.2) and 2005 (§3.1) propose libraries of objects. Each object has the
+    height and the footprint of the building that it replaces. According to the papers, libraries of
+    objects have "not been already implemented"; the method of evocity is its own. A map of about
+    300 buildings and a library of a thousand objects take about 1 s.
     """
     check_number("margin", margin, 0, 100, "metres, 0 to 100", MapError)
     overlap = "intersection over union, above 0, at most 1"

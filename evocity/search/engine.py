@@ -42,20 +42,20 @@ class Search:
     ...     for generation in search:
     ...         print(generation.number, generation.best)
 
-    To evaluate births by your own code, call `ask` and `tell` in turn instead of iterating.
+    To evaluate births by your own code, call `ask` and `tell` in turn instead of a loop.
 
     Parameters
     ----------
     recipe : recipe of the search, from `read_recipe`.
     out : run folder to be created; with None, the search records nothing.
     workers : number of worker processes, in place of the recipe's number. With ``workers=0`` this
-        process evaluates all births, without deadlines. The number of workers changes no birth.
-    cluster : address of a Dask cluster, in place of the recipe's: "tcp://HOST:PORT", "local:N" or
-        "none". With a cluster, ``workers`` is the number of processes in each Dask worker, by
-        default one per thread.
+        process evaluates all births, without deadlines. Births do not depend on ``workers``.
+    cluster : address of a Dask cluster, in place of the recipe's address: one of "tcp://HOST:PORT",
+        "local:N", "none". With a cluster, ``workers`` is the number of processes in each Dask
+        worker, by default one process per thread.
     progress : function that is called with a few words on each step before the first generation.
     observers : receivers of generations and events, see `evocity.search.steering.observers`.
-    clock : function that returns the time that the search compares with ``until`` of ``[stop]``.
+    clock : function that returns the time, for the key ``until`` of the section ``[stop]``.
 
     The commands `stop`, `pick` and `reweight` can control a search through its run folder. The
     attribute ``notes`` lists sentences for the user: how files of maps were read, which constraints
@@ -63,7 +63,7 @@ class Search:
     search under ``if __name__ == "__main__":``.
 
     Raises `RunError` if ``out`` exists or the cluster cannot be reached. Raises `FitnessError` if
-    a measure from this session, such as from a notebook's cell, cannot be sent to workers.
+    workers cannot receive a measure that was defined in this session.
     """
 
     def __init__(
@@ -120,22 +120,22 @@ class Search:
     ) -> "Search":
         """Continue the run in ``path`` after its last complete generation.
 
-        The arguments ``generations`` and ``until`` replace the values in the recipe. If a rule of
-        ``[stop]`` still ends the run, the search makes no new generation, and ``notes`` say which
-        value to change. If the argument ``generations`` adds generations, the run continues despite
-        an earlier stagnation or a target already reached.
+        The arguments ``generations`` and ``until`` replace the values in the recipe. If a rule in
+        ``[stop]`` still ends the run, no generation follows, and the attribute ``notes`` says which
+        value to change. If ``generations`` adds generations, a run continues that stopped before.
 
-        The argument ``recipe`` is a new recipe, or its path. The goals of the new recipe judge all
-        earlier births again. Earlier births are evaluated by measures that only the new recipe has.
+        The argument ``recipe`` is a new recipe, or its path. The search judges all earlier births
+        again by the goals of the new recipe. The search also computes, for earlier births, the
+        measures that only the new recipe names.
 
-        If the new recipe changes what must stay the same during a run, `RecipeError` lists these
-        changes. The resume raises `RunError` in the following cases.
+        If the new recipe changes a value that must stay constant during a run, `RecipeError` lists
+        these changes. The method `resume` raises `RunError` in three cases.
 
-        - The recipe, a map or the source of a measure has changed, and ``accept_changes`` is False.
-          The error message lists the changes. The resume executes none of the changed files.
-        - A change is not allowed, or the run has more than ``generations`` generations.
-        - The run started on another machine, its recipe names measure files or commands, and
-          ``trust`` is False. The resume executes no measure file and no command.
+        - `RunError` names changes of the recipe, a map or the source of a measure, unless
+          ``accept_changes`` is True. The resume executes none of the changed files.
+        - `RunError` says that a change is not allowed, or that ``generations`` is too small.
+        - `RunError` says that the run started on another machine and names measure files or
+          commands, unless ``trust`` is True. The resume then executes no measure file.
         """
         overrides = {"run.generations": generations, "stop.until": until}
         permission, tell = Permission(trust, accept_changes), progress or (lambda text: None)
@@ -186,7 +186,8 @@ class Search:
 
     @property
     def stopped_by(self) -> Reason | None:
-        """Rule in ``[stop]`` of the recipe that ended the search, or None if no rule did."""
+        """Rule in the recipe's section ``[stop]`` that ended the search; None without such a
+        rule."""
         return None if self._stopping is None or self.finished else self._stopping.reason
 
     def stop(self) -> None:
@@ -195,11 +196,11 @@ class Search:
 
     def pick(self, ids: Sequence[int], share: float | None = None) -> None:
         """Use the individuals with these ``ids`` as additional parents from the next generation on.
-        Events report unknown and failed births. See `evocity.search.record.commands.Pick`."""
+        Events report ids that are unknown or failed. See `evocity.search.record.commands.Pick`."""
         self._steering.add(Pick(ids=tuple(ids), share=share))
 
     def reweight(self, **weights: float) -> None:
-        """Set ``weights`` of operators, or of measures in sums, from the next generation on."""
+        """Set the ``weights`` of operators, or of measures in sums, from the next generation on."""
         self._steering.add(Reweight(weights=weights))
 
     def observe(self, observer: Observer) -> None:
@@ -223,14 +224,14 @@ class Search:
         self.close()
 
     def prepare(self) -> None:
-        """Prepare the search now, instead of at the beginning of its first generation.
+        """Prepare the search now, instead of at the beginning of the first generation.
 
         The preparation reads and encodes the parents, starts the workers, checks which constraints
-        the parents keep, and creates the run folder. A second call of `prepare` changes nothing.
+        the parents keep, and creates the run folder. Only the first call has an effect.
 
         Raises `MapError`, `GenomeError` or `FitnessError` if a map cannot be used. Raises
         `RecipeError` if no parent keeps a constraint, and breeding cannot bring births closer to
-        its bound. See `evocity.search.preparation.constraints`.
+        the constraint's bound. See `evocity.search.preparation.constraints`.
         """
         self._refuse_closed("prepare()")
         if self._prepared is None:
@@ -239,9 +240,10 @@ class Search:
     def ask(self) -> list[Genome]:
         """Breed the next generation, without refinements. Return the genomes for you to evaluate.
 
-        The returned list lacks births whose operator failed; `tell` logs these births. Only
-        `prepare` checks which constraints the parents keep. Raises `RunError` in three cases:
-        `tell` did not follow the last `ask`; the last generation is over; the search is closed.
+        The returned list lacks births whose operator failed; the method `tell` logs these births.
+        Only the method `prepare` checks which constraints the parents keep. Raises `RunError` in
+        three cases: `tell` did not follow the last `ask`; no generation is left; the search is
+        closed.
         """
         if self._pending is None and not self._closed and not self._carry_out_commands():
             by = self.stopped_by
@@ -263,12 +265,12 @@ class Search:
         return [child.breeding.genome for child in without_failed(self._pending)]
 
     def tell(self, results: Sequence[Outcome | Mapping[str, float] | Exception]) -> Generation:
-        """Take a result for each genome of `ask`, in their order; select the survivors and log the
-        generation.
+        """Take a result for each genome that `ask` returned, in the order of the genomes; select
+        the survivors and log the generation.
 
-        A result is a mapping from each measure to its value, or the exception that the evaluation
-        raised. A birth with a value of NaN or infinity is invalid. If a measure is only a
-        constraint, NaN breaks the constraint. Measures that are only recorded may be missing.
+        A result is either a mapping from each measure to its value, or the exception that the
+        evaluation raised. A birth with a value of NaN or infinity is invalid. If a measure is only
+        a constraint, NaN breaks the constraint. Measures that the run only records may be missing.
 
         Raises `RunError` if you call `tell` before `ask`, or after `close` has released the run
         folder.
@@ -278,7 +280,8 @@ class Search:
             raise RunError(
                 "tell() was called before ask()",
                 "a call of ask() before each call of tell()",
-                "call ask(), evaluate its genomes, then call tell() with the results",
+                "call ask(), evaluate the genomes that ask() returned, then call tell() with the "
+                "results",
             )
         offspring = add_results(self._pending, results, self._prepared)
         return self._record(self._schedule.select(offspring, self._next))
@@ -300,7 +303,7 @@ class Search:
 
     def close(self) -> None:
         """Stop the workers, write the births that are not yet written, and release the run folder.
-        A second call of `close` changes nothing."""
+        Only the first call of `close` has an effect."""
         self._closed = True
         if self._schedule is not None:
             self._schedule.close()

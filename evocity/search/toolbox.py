@@ -245,8 +245,8 @@ def deap_toolbox(
     workers: int | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Toolbox:
-    """Make a ``deap.base.Toolbox`` with the cities, operators and measures of a recipe, on which
-    every algorithm of DEAP runs.
+    """Make a ``deap.base.Toolbox`` with the cities, operators and measures of a recipe; every
+    algorithm of DEAP runs on this toolbox.
 
     >>> from deap import algorithms, tools  # doctest: +SKIP
     >>> with evocity.deap_toolbox(evocity.read_recipe("demo")) as toolbox:  # doctest: +SKIP
@@ -260,8 +260,8 @@ def deap_toolbox(
     failed, each of its losses is the constant `FAILED`.
 
     The argument ``workers`` replaces the recipe's number of processes; with ``workers=0``, this
-    process evaluates all births. Operators draw random numbers from the recipe's seed. DEAP draws
-    random numbers from Python's ``random``, which you seed yourself.
+    process evaluates all births. Operators draw random numbers from a generator with the recipe's
+    seed. DEAP draws random numbers from Python's module ``random``, which you seed yourself.
 
     The function raises the same errors as `Search.prepare`. Raises `RecipeError` for a recipe with
     islands.
@@ -286,8 +286,7 @@ def _refuse_others(*individuals: object) -> None:
         if not isinstance(one, City):
             raise OperatorError(
                 f"{spell(one)} is not an individual of this toolbox",
-                "an individual that this toolbox made, with one of its functions individual, "
-                "population, mate and mutate",
+                "a result of the toolbox function 'individual', 'population', 'mate' or 'mutate'",
                 "register only functions that return individuals of this toolbox",
             )
 
@@ -296,5 +295,5 @@ def _wrong_values(values: object, goals: int) -> EvocityError:
     return OperatorError(
         f"the fitness values {spell(values)} do not fit the goals",
         f"{goals} finite number{'s' if goals > 1 else ''}, one for each goal of the recipe",
-        "return a tuple of these numbers from the function registered as evaluate",
+        "return a tuple of these numbers from the function registered as 'evaluate'",
     )

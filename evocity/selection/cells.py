@@ -16,6 +16,8 @@ from evocity.selection.fronts import Scale
 MOST_CELLS, MOST_ALONG = 1_000_000, 1000
 #: Parents whose values differ by less than this share of the larger one are alike.
 _ALIKE = 0.01
+# The measure that only children of several parents have; at most equal shares.
+_SHARE = "smallest_share"
 
 
 @dataclass(frozen=True)
@@ -23,8 +25,8 @@ class Grid:
     """Cells over the measures ``descriptors``; ``counts`` is the number of cells along each
     measure, and ``ranges`` is the lowest and highest value of each measure, in its unit.
 
-    The numbers of cells run fastest along the last descriptor. A value outside a range belongs to
-    the cell at the nearer end of the range.
+    The cells are numbered along the last descriptor first, then along the descriptor before it, and
+    so on. A value outside a range belongs to the cell at the nearer end of the range.
 
     >>> grid = Grid(("gsi", "alignment"), (4, 10), ((0.0, 1.0), (0.0, 1.0)))
     >>> grid.cells([[0.3, 0.55], [0.3, 7.0], [0.3, float("nan")]])
@@ -49,13 +51,14 @@ class Grid:
         return np.where(known, np.ravel_multi_index(places, self.counts), -1)
 
     def places(self, cells: np.ndarray) -> np.ndarray:
-        """Find the place of ``cells`` (n,) along each descriptor, int ``(n, d)``; the lowest place
-        is 0."""
+        """Find the place of each of the ``cells`` `(n,)` along each descriptor, int ``(n, d)``; the
+        lowest place is 0."""
         places = np.unravel_index(np.asarray(cells, np.int64), self.counts)
         return np.stack(places, axis=-1).astype(np.int64)
 
     def edges(self, axis: int) -> np.ndarray:
-        """List the values that bound the cells along a descriptor, ``(counts[axis] + 1,)``."""
+        """List the values that bound the cells along the descriptor with the number `axis`,
+        ``(counts[axis] + 1,)``."""
         low, high = self.ranges[axis]
         # Halves, the same to the bit: the range of two huge values would overflow.
         return 2 * np.linspace(0.5 * low, 0.5 * high, self.counts[axis] + 1)
@@ -67,12 +70,16 @@ def ranges_around(
     limits: Mapping[str, tuple[float, float]],
 ) -> tuple[tuple[float, float], ...]:
     """Compute the default ranges of a grid: those of the ``parents`` (measure -> value each), half
-    as wide again on either side, within the ``limits`` that measures declare.
+    as wide again on either side, within the ``limits`` that measures declare. The range of
+    `smallest_share` goes from 0 to an equal share of all parents.
 
     Raises `RecipeError` if the parents do not differ in a descriptor, or have no value of it.
     """
     faults, ranges = [], []
     for name in descriptors:
+        if name == _SHARE and len(parents) > 1:  # each parent has only itself
+            ranges.append((0.0, 1 / len(parents)))
+            continue
         values = [one[name] for one in parents if math.isfinite(one.get(name, math.nan))]
         low, high = min(values, default=math.nan), max(values, default=math.nan)
         size = max(abs(low), abs(high))
@@ -91,7 +98,7 @@ def ranges_around(
         raise RecipeError(
             f"the grid of map_elites has no ranges: {'; '.join(faults)}",
             "descriptors in which two parents differ by at least 1 %, or ranges in the recipe",
-            f"write under [search] ranges = [[low, high], …], one range for each of "
+            f"write ranges = [[low, high], …] under [search], with one range for each of "
             f"{', '.join(descriptors)}, or choose other descriptors",
         )
     return tuple(ranges)

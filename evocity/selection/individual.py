@@ -10,9 +10,13 @@ from evocity.genome import Genome
 class Individual:
     """A living individual. The attribute ``values`` holds the raw value of each measure, and
     ``losses`` holds the numbers that selection minimises, in the order of the objectives. The
-    number ``violation`` tells how far the individual violates constraints, 0 if all constraints
-    hold. The attribute ``rank`` is the number of the individual's front, 0 for the best front. The
-    attribute ``marks`` holds further numbers of the algorithm, by name."""
+    number ``violation`` tells how far the individual violates the constraints; 0 means that all
+    constraints hold. The attribute ``rank`` is the number of the Pareto front to which the
+    individual belongs, 0 for the best front. The attribute ``marks`` holds further numbers that the
+    algorithm gives to the individual, by name. The attribute ``plan`` holds a name that is the same
+    for individuals with the same plan of streets; it is None if the plan is unknown, or if the run
+    has no niches of plans. The attribute ``changed`` tells whether the plan differs from those of
+    all source cities."""
 
     id: int
     genome: Genome = field(repr=False)
@@ -21,3 +25,5 @@ class Individual:
     violation: float = 0.0
     rank: int = 0
     marks: Mapping[str, float] = field(default_factory=dict)
+    plan: str | None = None
+    changed: bool = False

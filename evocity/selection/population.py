@@ -1,17 +1,20 @@
 """The population: the living individuals, their survival, and their hypervolume."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from evocity.citymap import CityMap
 from evocity.errors import RecipeError
 from evocity.fitness import Aims
+from evocity.genome import Genome
 from evocity.kinds import Kind
 from evocity.selection.algorithms import Algorithm, First
 from evocity.selection.fronts import Hypervolume
 from evocity.selection.individual import Individual
+from evocity.selection.niches import Twins
 from evocity.selection.thumbprints import look_of
 from evocity.store import Birth, Member
 
@@ -21,8 +24,10 @@ class Population:
     them.
 
     ``aims`` give losses and broken constraints for raw values, ``kind`` the map of a genome,
-    ``limits`` the lowest and the highest value that measures declare. Failed births never enter,
-    nor does a genome that lives already.
+    ``limits`` the lowest and the highest value that measures declare. The function ``plan_of``
+    gives the name of a genome's plan, and whether the plan differs from those of all source cities;
+    None for runs without niches of plans. Failed births never enter, nor does a genome that lives
+    already, nor a twin by the key ``twins`` of the algorithm.
     """
 
     def __init__(
@@ -31,9 +36,11 @@ class Population:
         aims: Aims,
         kind: Kind,
         limits: Mapping[str, tuple[float, float]] | None = None,
+        plan_of: Callable[[Genome], tuple[str | None, bool]] | None = None,
     ):
         self.algorithm, self._aims, self._kind = algorithm, aims, kind
-        self._limits = limits or {}
+        self._limits, self._plan_of = limits or {}, plan_of
+        self._twins: float = getattr(algorithm.keys, "twins", 0.0)
         self._looks: dict[int, np.ndarray] = {}
         self._hypervolume: Hypervolume | None = None
         self._first: list[Birth] = []
@@ -55,8 +62,15 @@ class Population:
         """Let the algorithm select among the living and ``others``, births or individuals."""
         candidates = {one.genome.digest: one for one in self.living}
         for one in others:
-            candidates.setdefault(one.genome.digest, self._individual(one))
-        self.living = self.algorithm.survivors(list(candidates.values()), self._look, rng)
+            if one.genome.digest not in candidates:
+                candidates[one.genome.digest] = self._individual(one)
+        entering = list(candidates.values())[len(self.living) :]
+        if self._twins and entering:
+            twins = Twins(self._twins, self._look, self._city)
+            sifted = twins.sift(sorted(entering, key=lambda one: one.id), self.living)
+        else:
+            sifted = list(candidates.values())
+        self.living = self.algorithm.survivors(sifted, self._look, rng)
         self._looks = {one.id: self._looks[one.id] for one in self.living if one.id in self._looks}
 
     def begin_with(self, births: Sequence[Birth]) -> None:
@@ -121,12 +135,17 @@ class Population:
     def _individual(self, born: Birth | Individual) -> Individual:
         values = dict(born.values)
         losses, violation = self._aims.losses(values), self._aims.violation(values)
-        return Individual(born.id, born.genome, values, losses, violation)
+        genome, plan_of = born.genome, self._plan_of
+        plan, changed = (None, False) if plan_of is None else plan_of(genome)
+        return Individual(born.id, genome, values, losses, violation, plan=plan, changed=changed)
 
     def _look(self, one: Individual) -> np.ndarray:
         if one.id not in self._looks:
-            self._looks[one.id] = look_of(self._kind.express(one.genome).city)
+            self._looks[one.id] = look_of(self._city(one))
         return self._looks[one.id]
+
+    def _city(self, one: Individual) -> CityMap:
+        return self._kind.express(one.genome).city
 
 
 def volume_of(living: Sequence[Individual], volume: Hypervolume | None) -> float:

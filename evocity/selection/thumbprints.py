@@ -26,8 +26,12 @@ def look_of(city: CityMap) -> np.ndarray:
     """Sample the heights of a city evenly, at most `SIDE` along each axis, in decimetres, uint16
     ``(n,)``; heights above 6553 m count as 6553 m."""
     height, width = city.shape
-    seen = city.heights[:: -(-height // SIDE), :: -(-width // SIDE)]
-    return np.clip(np.rint(seen / _UNIT), 0, 65535).astype(np.uint16).ravel()
+    return decimetres(city.heights[:: -(-height // SIDE), :: -(-width // SIDE)]).ravel()
+
+
+def decimetres(heights: np.ndarray) -> np.ndarray:
+    """Round ``heights`` in metres to decimetres, uint16, at most 65535."""
+    return np.clip(np.rint(heights / _UNIT), 0, 65535).astype(np.uint16)
 
 
 def alike(look: np.ndarray, others: np.ndarray, apart: float) -> bool:

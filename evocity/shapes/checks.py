@@ -99,5 +99,5 @@ def piece_count_error(count: int, most: int, more: str = "") -> ShapeError:
     return ShapeError(
         f"the shape would have {count} pieces{more}",
         f"at most {most} pieces",
-        "choose a smaller depth or larger pixels, or raise the limit with the parameter most=",
+        "choose a smaller depth or larger pixels, or raise the limit with the parameter 'most'",
     )

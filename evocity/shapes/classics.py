@@ -67,8 +67,8 @@ KNOWN = tuple(_KNOWN)
 
 
 def known(name: str) -> Shape:
-    """Make the well-known shape called ``name``, one of `KNOWN`. Raises `ShapeError` if `KNOWN`
-    does not contain the name.
+    """Make the well-known shape called ``name``, one of the names in `KNOWN`. Raises `ShapeError`
+    if `KNOWN` does not contain the name.
 
     Sources: Sierpinski 1915 and 1916, von Koch 1904, Davis & Knuth 1970 (Heighway's dragon), Lévy
     1938, Barnsley 1988 (fern), Menger 1926.

@@ -22,9 +22,9 @@ _PAPER = (255, 255, 255)
 def palette(colours: ArrayLike, mix: float = 0.5) -> Shape:
     """Make a palette: the unit square, divided into m × m squares of the ``colours`` ``(m, m, 3)``.
 
-    The numbers for red, green and blue are 0…1. The squares follow the columns of colours from the
-    left, and run upwards in each column. The function `coloured_as` gives the colours of a palette
-    to a shape with the same number of maps. Raises `ShapeError` for invalid colours.
+    The numbers for red, green and blue are 0 to 1. The squares follow the columns of colours from
+    the left, and run upwards in each column. The function `coloured_as` gives the colours of a
+    palette to a shape with the same number of maps. Raises `ShapeError` for invalid colours.
     """
     given = array_like(
         colours, "colours", "(m, m, 3)", lambda s: len(s) == 3 and s[0] == s[1] and s[2] == 3
@@ -51,9 +51,9 @@ def coloured_as(shape: Shape, other: Shape) -> Shape:
     maps."""
     if other.colours is None:
         raise ShapeError(
-            "the shape to take colours from has no colours",
+            "the shape that gives its colours has no colours",
             "a shape that was made with colours",
-            "make that shape with the parameter colours=",
+            "make this shape with the parameter 'colours'",
         )
     return replace(shape, colours=other.colours, mix=other.mix)
 
@@ -68,11 +68,11 @@ def stolen(
     """Draw a ``shape`` with colours that another shape takes from a ``picture``.
 
     The shape ``source`` lies on the picture, which is 1 wide and 1 high, x to the right, y upwards.
-    Each point of ``shape`` takes the colour at the point of ``source`` with the same address. An
-    address is the word of maps that leads to a point. If pieces overlap, the greatest address
-    determines the colour.
+    Each point of ``shape`` takes the colour at the point of ``source`` with the same address. The
+    address of a point is the word whose maps lead to the point. If pieces overlap at a point, the
+    greatest address of the point determines the colour.
 
-    Raises `ShapeError` for shapes of space, for too many pieces, or if the two shapes have
+    Raises `ShapeError` for three-dimensional shapes, for too many pieces, or if the two shapes have
     different numbers of maps.
     """
     if shape.size != 2 or source.size != 2:
@@ -80,7 +80,8 @@ def stolen(
         raise ShapeError(found, "two two-dimensional shapes", "choose two such shapes")
     if len(shape) != len(source):
         raise ShapeError(
-            f"the source has {len(source)} affine maps, but the shape has {len(shape)}",
+            f"the source shape has {len(source)} affine maps, but the shape has {len(shape)} "
+            "affine maps",
             "two shapes with the same number of affine maps",
             f"choose a source with {len(shape)} affine maps",
         )

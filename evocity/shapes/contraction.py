@@ -18,8 +18,8 @@ class Contraction:
     ``length`` is the number of maps in a product.
 
     The joint spectral radius lies between ``lower`` and ``upper``. If the joint spectral radius is
-    below 1, long products of maps contract to points. The attribute ``word`` lists the maps of the
-    product that gives the bound ``lower``.
+    below 1, long products of maps contract to points. The attribute ``word`` lists the maps whose
+    product gives the bound ``lower``.
     """
 
     lower: float

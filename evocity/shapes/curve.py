@@ -38,8 +38,9 @@ class Curve:
     ShapeError : one of: invalid points; invalid maps; a column of a map that does not sum to 1;
         maps that do not contract.
 
-    Source: Hnaidi, Guérin, Akkouche, definitions 5 to 8. Definitions 5 to 8 let the rows of a map
-    sum to 1, but the text and the drawing of the paper need columns that sum to 1.
+    Source: definitions 5 to 8 of the paper by Hnaidi, Guérin and Akkouche. Definitions 5 to 8 of
+    the paper let the rows of a map sum to 1, but its text and its drawing need columns that sum to
+    1.
     """
 
     points: np.ndarray
@@ -59,7 +60,7 @@ class Curve:
         if off.max() > _SLACK:
             at = int(off.argmax())
             raise ShapeError(
-                f"a column of affine map {at} sums to {1 + off[at]:.6g} or {1 - off[at]:.6g}",
+                f"the sum of a column of affine map {at} differs from 1 by {off[at]:.6g}",
                 "affine maps whose columns each sum to 1",
                 f"divide each column of map {at} by its sum",
             )
@@ -132,9 +133,9 @@ class Curve:
         return float(np.sqrt((apart**2).sum(axis=1)).max(initial=0.0))
 
     def polygons(self, depth: int) -> np.ndarray:
-        """Compute the control points of all parts, after dividing the curve ``depth`` times. The
-        result is float ``(N^depth, n, d)``, in the order of the parts. Raises `ShapeError` for
-        more than ten million points."""
+        """The result is float `(N^depth, n, d)` for N parts with n control points of d coordinates,
+        in the order of the parts. The result is float ``(N^depth, n, d)``, in the order of the
+        parts. Raises `ShapeError` for more than ten million points."""
         count = len(self) ** depth if 0 <= depth <= 64 else 0
         if isinstance(depth, bool) or not count or count * len(self.points) > MOST_POINTS:
             raise ShapeError(
@@ -149,7 +150,7 @@ class Curve:
         return polygons
 
     def line(self, depth: int) -> np.ndarray:
-        """Compute points on the curve, after dividing it ``depth`` times, float
+        """Compute points on the curve, after dividing it ``depth`` times into N parts, float
         ``(N^depth + 1, d)``. The points are the start of each part and the end of the last part.
         Raises `ShapeError` for more than ten million points."""
         polygons, (first, last) = self.polygons(depth), self.ends

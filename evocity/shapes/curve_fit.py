@@ -57,8 +57,9 @@ def fit_curve(
 
     Parts share their ends, and the ends of the line stay in place. The fit minimises the sum of
     squared distances between the line and the result of ``dropped(drawn)``. The Jacobian is exact
-    except for a term that vanishes with the residuals (Kaufman). Maps whose long products do not
-    shrink cost as much as a bad fit. Maps that provably do not contract are dropped.
+    except for a term that vanishes with the residuals (Kaufman). In the fit, maps whose long
+    products do not shrink cost as much as a bad fit. The fit drops maps that provably do not
+    contract.
 
     Raises `ShapeError` if the line is invalid, if a number is out of range, or if no start gives
     contracting maps.
@@ -101,7 +102,7 @@ def fit_curve(
             f"{starts} random starts of the fit gave no contracting affine maps for {points} "
             "control points",
             "at least one start whose fitted maps contract",
-            f"increase {setting('starts', starts)}, or choose fewer control points",
+            "increase the number of starts, or choose fewer control points",
         )
     return Detailed.of(line, chosen[1], depth, shared=True)
 

@@ -29,13 +29,14 @@ class Detailed:
     returns the line.
 
     curve : the control points and maps of the curve.
-    details : the details of each level l, complex ``(N^l, m)``, the coarsest level first. A detail
-        is the difference between a part of a polygon and the same part as the maps compute it.
-        Details are relative to the vector from the polygon's first point to its last point. Details
-        therefore turn, move and grow with their polygon. If parts share their ends, a polygon has m
-        = (n − 1)(N − 1) details; otherwise a polygon has m = n (N − 1) details.
-    shared : whether parts share their ends. A line of parts with shared ends has
-        (n − 1) N^depth + 1 points; without shared ends, the line has n N^depth points.
+    details : the details of each level l, complex ``(N^l, m)``: m details for each of N^l polygons;
+        the coarsest level comes first. A detail is the difference between a part of a polygon and
+        the same part as the maps compute it. Details are relative to the vector from the polygon's
+        first point to its last point. Details turn, move and grow together with their polygon. A
+        polygon of n points and N maps has m = (n − 1)(N − 1) details if parts share their ends, and
+        m = n (N − 1) details otherwise.
+    shared : whether parts share their ends. A line of n control points and N maps has (n − 1)
+        N^depth + 1 points if parts share their ends, and n N^depth points otherwise.
 
     Each polygon is a least-squares fit: without finer details, its line is as near as possible to
     the points of the given line. If parts share their ends, the ends of the whole line stay in
@@ -85,7 +86,8 @@ class Detailed:
         `Curve`.
 
         depth : number of levels, or None for the depth that fits the line's number of points. If
-            the number of points does not fit a given depth, the line is resampled at equal steps.
+            the number of points does not fit the given `depth`, the line is resampled at equal
+            steps.
         shared : whether parts share their ends; None means shared ends if the maps allow them.
 
         Raises `ShapeError` if the line or the maps are invalid, or if no depth fits the number of
@@ -106,7 +108,7 @@ class Detailed:
     @classmethod
     def analysed(cls, points: ArrayLike, maps: ArrayLike, shared: bool, depth: int) -> "Detailed":
         """Analyse a line whose number of ``points`` ``(M, 2)`` suits the ``depth`` exactly. Unlike
-        in the method `Detailed.of`, points may coincide."""
+        in the method `Detailed.of`, successive points of the line may coincide."""
         maps = np.array(maps, np.float64)
         curve = Curve(np.zeros((maps.shape[-1] if maps.ndim else 0, 2)), maps)
         parts, size = maps.shape[:2]
@@ -137,8 +139,9 @@ class Detailed:
     def drawn(
         cls, points: ArrayLike, maps: ArrayLike, shared: bool, kept: int, depth: int
     ) -> "Detailed":
-        """Make a line from the ``points`` of all polygons at level ``kept``. Below the level
-        ``kept``, down to the level ``depth``, the maps draw the line without details."""
+        """Make a line from the ``points`` of all polygons at the level ``kept``, the finest level
+        with details. Below the level ``kept``, down to the level ``depth``, the maps draw the line
+        without details."""
         maps = np.array(maps, np.float64)
         check_depth(maps.shape[1], len(maps), depth, shared)
         coarse = cls.analysed(points, maps, shared, kept)  # raises for invalid points
@@ -168,7 +171,8 @@ class Detailed:
         return np.array([np.sqrt((np.abs(own) ** 2).mean()) for own in self.details])
 
     def points(self, level: int) -> np.ndarray:
-        """Compute the control points of all polygons at a ``level`` (0…depth), float ``(M, 2)``."""
+        """Compute the control points of all polygons at a ``level`` (0…depth), float ``(M, 2)`` for
+        M points."""
         check_range("level", level, 0, self.depth)
         parts, size = len(self.curve), len(self.curve.points)
         at, frames = self.curve.points[:, 0] + 1j * self.curve.points[:, 1], None
@@ -183,7 +187,7 @@ class Detailed:
         return np.column_stack([at.real, at.imag])
 
     def line(self) -> np.ndarray:
-        """Compute the line, float ``(M, 2)``: the points of the finest level."""
+        """Compute the line, float ``(M, 2)``: the M points of the finest level."""
         return self.points(self.depth)
 
     def dropped(self, levels: int) -> "Detailed":
@@ -200,16 +204,16 @@ class Detailed:
         return replace(self, details=self.details[:keep] + nothing)
 
     def amplified(self, gain: float, levels: Iterable[int] | None = None) -> "Detailed":
-        """Multiply the details of ``levels`` by ``gain``. Level 0 is the coarsest level; by default
-        the details of all levels change. If the changed line crosses itself, the method warns and
-        names the place."""
+        """Multiply the details of the given ``levels`` by the factor ``gain``. Level 0 is the
+        coarsest level; by default the details of all levels change. If the changed line crosses
+        itself, the method issues a warning that names the place."""
         _check_gain(gain)
         chosen = set(range(self.depth)) if levels is None else set(levels)
         if not all(isinstance(level, int) and 0 <= level < self.depth for level in chosen):
             raise ShapeError(
                 f"the curve lacks some of the levels {spell(sorted(chosen))}",
                 f"levels from 0 to {self.depth - 1}",
-                "choose levels of this curve",
+                "choose levels in this range",
             )
         details = tuple(
             own * gain if level in chosen else own for level, own in enumerate(self.details)
@@ -222,12 +226,12 @@ class Detailed:
         """Replace details of this line by the details of another line, multiplied by ``gain``.
 
         levels : number of the finest levels to replace; by default all levels but the coarsest.
-        gain : factor that multiplies the new details.
+        gain : factor that multiplies the details that are transferred.
 
         Details are relative to their polygons, so the place and the size of the other line do not
         matter. Raises `ShapeError` unless both lines have the same maps and depth; the method
         `recoded` makes a line with the maps and the depth of another line. If the changed line
-        crosses itself, the method warns.
+        crosses itself, the method issues a warning.
         """
         levels = max(self.depth - 1, 0) if levels is None else levels
         check_range("levels", levels, 0, self.depth)
@@ -247,7 +251,7 @@ class Detailed:
         )
 
     def recoded(self, like: "Detailed") -> "Detailed":
-        """Analyse this line by the maps and the depth of the line ``like``."""
+        """Analyse this line by the maps and the depth of the line in the argument ``like``."""
         return Detailed.of(self.line(), like.curve.maps, like.depth, like.shared)
 
     def moved(self, points: ArrayLike) -> "Detailed":
@@ -325,7 +329,7 @@ def _check_shared(maps: np.ndarray, shared: bool) -> None:
         raise ShapeError(
             "neighbouring parts of the curve do not meet",
             "affine maps whose parts meet: each part begins where the part before it ends",
-            "leave the parameter shared= out",
+            "leave the parameter 'shared' out",
         )
 
 

@@ -36,10 +36,10 @@ def ratios_of(shape: Shape) -> np.ndarray:
 def dimension_of(shape: Shape) -> float:
     """Compute the similarity dimension s of a ``shape``.
 
-    For a shape with all words, Σ rˢ = 1 over the ratios r of its maps. For a restricted language,
-    the automaton's matrix of the sums of rˢ has a spectral radius of 1. The similarity dimension
-    equals the dimension of the attractor if pieces do not overlap (the open set condition). A shape
-    of single points has the dimension 0.
+    For a shape with all words, the dimension s solves Σ rˢ = 1 over the ratios r of the shape's
+    maps. For a restricted language, s is the number for which the automaton's matrix of sums of rˢ
+    has the spectral radius 1. The similarity dimension equals the dimension of the attractor if
+    pieces do not overlap (the open set condition). A shape of single points has the dimension 0.
 
     Raises `ShapeError` if a map is not a similarity, or if the language has finitely many words.
 
@@ -98,8 +98,8 @@ def boxes_of(mask: np.ndarray, base: int = 2) -> Boxes:
         side *= base
     if not mask.any() or len(sides) < 3:
         raise ShapeError(
-            f"a mask of {' × '.join(map(str, mask.shape))} cells, {np.count_nonzero(mask)} of them "
-            "filled, is too small",
+            f"the mask has {' × '.join(map(str, mask.shape))} cells, and {np.count_nonzero(mask)} "
+            "cells are filled",
             f"a mask with filled cells, at least {4 * base ** (4 if base == 2 else 3)} cells long "
             "on each axis",
             "draw a mask with more cells",

@@ -27,7 +27,7 @@ _VERSION = 1
 
 @dataclass(frozen=True, eq=False)
 class StoredCurve:
-    """A curve as read from a file, with its reference system and its attribution.
+    """A curve that was read from a file, with the reference system and the attribution in the file.
 
     detailed : the curve with its details.
     crs : reference system of the curve's points, as a code or a PROJ string; None for a curve
@@ -46,8 +46,8 @@ def write_shape(shape: Shape, path: str | os.PathLike) -> None:
 
     The keys of the file are ``evocity`` ("shape"), ``version``, ``maps``, ``primitive``,
     ``language``, ``colours`` and ``mix``. The key ``primitive`` holds a name, or points, lines and
-    faces; null means the box of the attractor. The key ``language`` holds a table and its accepting
-    states; null means all words.
+    faces; null means the box around the attractor. The key ``language`` holds a table and its
+    accepting states; null means all words.
     """
     primitive = shape.primitive
     written: object = None
@@ -91,7 +91,8 @@ def write_curve(
     The keys of the file are ``evocity`` ("curve"), ``version``, ``maps``, ``shared``, ``depth``,
     ``kept``, ``points``, ``crs`` and ``attribution``. The key ``points`` holds the points of all
     polygons at the level ``kept``, because levels finer than ``kept`` have no details. A curve file
-    is smaller by the factor ``1 / N^k`` if the k finest levels of the curve have no details.
+    is smaller by the factor ``1 / N^k`` if the k finest levels of a curve of N maps have no
+    details.
     """
     write_document(
         {
@@ -171,9 +172,9 @@ def _shape_of(document: dict) -> Shape:
         )
     elif primitive is not None and not isinstance(primitive, str):
         raise ShapeError(
-            "the primitive is invalid",
+            "the value of the key 'primitive' is invalid",
             "the name of a primitive, or its points, lines and faces",
-            "correct the primitive",
+            "correct the value of the key 'primitive'",
         )
     language = document.get("language")
     if language is not None:

@@ -17,7 +17,7 @@ MOST_STATES, MOST_LETTERS = 4096, 1024
 
 
 class ShapeError(EvocityError):
-    """The error for an invalid shape, language or curve."""
+    """Error for an invalid shape, language or curve."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,15 +26,15 @@ class Language:
 
     Parameters
     ----------
-    table : the next state for each state and letter, whole numbers ``(S, N)``; −1 for no next
-        state. The automaton starts in state 0.
+    table : the next state for each of S states and N letters, whole numbers ``(S, N)``; −1 for no
+        next state. The automaton starts in state 0.
     accepting : whether a word may end in each state, bool ``(S,)``; by default all states accept.
 
     Two languages are equal if they accept the same words. For two languages with the same letters,
     the operators ``|``, ``&`` and ``-`` make the union, the intersection and the difference. The
-    operator ``@`` makes the concatenation: each word of the first language, followed by each word
-    of the second. The operator ``~`` makes the complement. The language that an operator returns
-    has a minimal automaton.
+    operator ``@`` makes the concatenation: the words of the first language, each followed by each
+    word of the second language. The operator ``~`` makes the complement of a language. The language
+    that an operator returns has a minimal automaton.
 
     Raises
     ------
@@ -57,14 +57,15 @@ class Language:
             raise ShapeError(
                 f"the language is too large: {states} states and {letters} letters",
                 f"a language of at most {MOST_STATES} states and {MOST_LETTERS} letters",
-                "describe a language of fewer words or letters",
+                "describe a language with fewer states or fewer letters",
             )
         wrong = (table < -1) | (table >= states)
         if wrong.any():
             raise ShapeError(
-                f"the table of the language names a missing state, {table[wrong][0]}",
-                f"numbers of states from 0 to {states - 1}, or -1 for no next state",
-                "correct the numbers of states in the table",
+                f"the table of the language names the state {table[wrong][0]}, which does not "
+                "exist",
+                f"state numbers from 0 to {states - 1}, or -1 for no next state",
+                "correct the state numbers in the table",
             )
         accepting = np.ones(states, bool) if self.accepting is None else np.array(self.accepting)
         if accepting.shape != (states,) or accepting.dtype != bool:
@@ -112,7 +113,7 @@ class Language:
 
     @classmethod
     def of_words(cls, letters: int, words: Sequence[Sequence[int]]) -> "Language":
-        """Make the language that contains exactly the given ``words``."""
+        """Make the language that contains only the given ``words``."""
         prefixes = sorted({tuple(word)[:k] for word in words for k in range(len(word) + 1)} | {()})
         number = {prefix: k for k, prefix in enumerate(prefixes)}
         table = [[number.get((*prefix, k), -1) for k in range(letters)] for prefix in prefixes]

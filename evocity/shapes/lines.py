@@ -45,7 +45,8 @@ def lengths_of(line: np.ndarray) -> np.ndarray:
 
 
 def resampled(line: ArrayLike, count: int) -> np.ndarray:
-    """Resample a ``line`` at ``count`` points ``(count, 2)`` in equal steps; its two ends stay.
+    """Resample a ``line`` at ``count`` points ``(count, 2)`` in equal steps; the two ends of the
+    line stay.
 
     Raises `ShapeError` if the line is not a polyline of the plane, or if ``count`` is outside
     2…`MOST_LINE`.
@@ -60,8 +61,8 @@ def resampled(line: ArrayLike, count: int) -> np.ndarray:
 
 
 def crossing_of(line: ArrayLike) -> np.ndarray | None:
-    """Find a place ``(2,)`` where a ``line`` crosses or touches itself; None without a crossing.
-    The common end point of a closed line does not count as a crossing."""
+    """Find a place ``(2,)`` where a ``line`` crosses or touches itself; the result is None without
+    a crossing. The common end point of a closed line does not count as a crossing."""
     line = line_of(line)
     if shapely.is_simple(shapely.linestrings(line)):
         return None

@@ -19,9 +19,9 @@ class Primitive:
     Parameters
     ----------
     points : coordinates of the points, float ``(n, 2)`` in the plane or ``(n, 3)`` in space.
-    lines : numbers of the two ends of each line, ``(k, 2)``.
-    faces : numbers of the three corners of each triangle, ``(k, 3)``. In space, the three corners
-        of a face run counterclockwise as seen from outside.
+    lines : numbers of the two end points of each of k lines, ``(k, 2)``.
+    faces : numbers of the three corner points of each of k triangles, ``(k, 3)``. In space, the
+        three corners of a face run counterclockwise as seen from outside.
     """
 
     points: np.ndarray
@@ -41,9 +41,10 @@ class Primitive:
             part = np.array(given, np.int64).reshape(-1, corners)
             if part.size and not (part.min() >= 0 and part.max() < len(points)):
                 raise ShapeError(
-                    f"a missing point in the {name}: {part[part >= len(points)].max(initial=-1)}",
-                    f"numbers of points from 0 to {len(points) - 1}",
-                    f"correct the numbers of points in the {name}",
+                    f"the list of {name} contains a missing point, number "
+                    f"{part[part >= len(points)].max(initial=-1)}",
+                    f"point numbers from 0 to {len(points) - 1}",
+                    f"correct the point numbers in the list of {name}",
                 )
             parts.append(part)
         return cls(points, *parts)
@@ -140,7 +141,7 @@ def in_space(primitive: Primitive, size: int) -> Primitive:
     if primitive.size > size:
         raise ShapeError(
             "the primitive is three-dimensional, but the affine maps are two-dimensional",
-            "a two-dimensional primitive, such as point, segment or square",
+            "a two-dimensional primitive, such as 'point', 'segment' or 'square'",
             "choose a two-dimensional primitive, or give three-dimensional affine maps",
         )
     points = np.column_stack([primitive.points, np.zeros(len(primitive.points))])

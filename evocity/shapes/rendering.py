@@ -76,11 +76,11 @@ def mask_of(
     result is a bool array, north up.
 
     Without a ``depth``, pieces are as fine as a cell, and each piece marks the cell that contains
-    the middle of the piece. The ``box`` ``(2, m)`` is the part of the shape to show; the default is
-    the whole shape.
+    the middle of the piece. The argument ``box`` ``(2, m)`` is the part of the shape to show, in m
+    coordinates; the default is the whole shape.
 
-    Raises `ShapeError` for more pieces than the limit ``most``, or if a depth is given for a shape
-    in space.
+    Raises `ShapeError` for more pieces than the limit ``most``, or if `depth` is given for a
+    three-dimensional shape.
     """
     if depth is not None:
         if shape.size == 3:
@@ -101,8 +101,8 @@ def picture_of(
     """Draw a ``shape`` of the plane in a picture of ``side`` × ``side`` px.
 
     Pieces are painted in the order of their words, so later pieces cover earlier pieces. Each point
-    gets the colour of the greatest word that leads to it (Barnsley 2005, *tops*). The parameters
-    ``depth``, ``box`` and ``most`` are as in `mask_of`.
+    gets the colour of the greatest word among all words that lead to this point (Barnsley 2005,
+    *tops*). The parameters ``depth``, ``box`` and ``most`` are as in `mask_of`.
     """
     _check_plane(shape)
     frame = Frame.of(box_of(shape, depth) if box is None else np.asarray(box, float), side)
@@ -238,17 +238,17 @@ def glb_of(
     """Return the bytes of a ``.glb`` file with the pieces of a shape, with z upwards and a mesh for
     each colour.
 
-    Give either ``depth`` or ``pixel``, not both, as in `Shape.pieces`. Shapes of the
-    plane lie on the ground. Raises `ShapeError` for a primitive without faces, for more than
-    `MOST_TRIANGLES` triangles, and in the cases of `Shape.pieces`.
+    Give either ``depth`` or ``pixel``, not both, as in `Shape.pieces`. Two-dimensional shapes lie
+    on the ground. Raises `ShapeError` for a primitive without faces, for more than `MOST_TRIANGLES`
+    triangles, and in the cases of `Shape.pieces`.
     """
     pieces = shape.pieces(depth, pixel)
     faces = pieces.primitive.faces
     if not len(faces):
         raise ShapeError(
             "the primitive of the shape has no faces",
-            "a primitive with faces, such as cube, sphere or cylinder",
-            "choose a primitive with faces by the parameter primitive=",
+            "a primitive with faces, such as 'cube', 'sphere' or 'cylinder'",
+            "choose a primitive with faces in the parameter 'primitive'",
         )
     if len(pieces) * len(faces) > MOST_TRIANGLES:
         raise ShapeError(

@@ -38,8 +38,7 @@ class Pieces:
 
     maps : the product of the maps along the word of each piece, float ``(n, m, m + 1)``.
     lengths : the length of the word of each piece, int ``(n,)``.
-    colours : red, green and blue of each piece, float ``(n, 3)`` of 0…1; ``(n, 0)`` for shapes
-        without colours.
+    colours : red, green and blue of each piece, 0 to 1, float ``(n, 3)``; ``(n, 0)`` without any.
     primitive : the drawing that the map of each piece transforms.
     """
 
@@ -61,7 +60,7 @@ class Pieces:
 class Shape:
     """An iterated function system: affine maps of the plane or of space, with a language of words.
 
-    A word is a sequence of maps; these maps transform the primitive into a piece of the shape.
+    A word is a sequence of maps, which transform the primitive into a piece of the shape.
 
     Parameters
     ----------
@@ -72,12 +71,12 @@ class Shape:
     language : the words whose pieces belong to the shape; by default all words. The first letter of
         a word names the map that is applied last.
     colours : red, green and blue of each map, ``(N, 3)`` of 0…1; None for no colours.
-    mix : weight of a letter's colour, 0…1, relative to the colour of the letter before it in
-        a word.
+    mix : weight of a letter's colour, 0…1, relative to the colour of the letter before it.
 
-    The shape ``a | b`` has the pieces of both shapes. The shape ``a @ b`` has copies of b along a;
-    words of a should have equal lengths, as in ``koch.level(2) @ fern``. For shapes with the same
-    maps, ``a & b`` has the words in both shapes, and ``a - b`` has the words only in ``a``.
+    The shape ``a | b`` has the pieces of both shapes. The shape ``a @ b`` has copies of the shape b
+    along the shape a; words of a should have equal lengths, as in ``koch.level(2) @ fern``. For
+    shapes with the same maps, ``a & b`` has the common words, and ``a - b`` the words only in
+    ``a``.
 
     Raises
     ------
@@ -117,8 +116,8 @@ class Shape:
 
     @classmethod
     def from_frames(cls, frames: Sequence, **more: Any) -> "Shape":
-        """Make a shape from ``frames``, each (O, x, y) in the plane or (O, x, y, z) in space. The
-        map of a frame takes the origin to O, and the unit vectors of the axes to x, y and z.
+        """Make a shape from ``frames``: (O, x, y) in the plane or (O, x, y, z) in space. The map of
+        a frame takes the origin to O, and the unit vectors of the axes to x, y and z.
         Source: Tosan, Excoffier, Rondet-Mignotte 2005, §3.1 and figure 4."""
         arrays = [np.array(frame, np.float64) for frame in frames]
         if not arrays or any(one.ndim != 2 or len(one) != one.shape[1] + 1 for one in arrays):
@@ -215,7 +214,7 @@ class Shape:
 
     def fixed(self, letter: int) -> np.ndarray | None:
         """Find the fixed point ``(m,)`` of one map; the argument ``letter`` is the number of this
-        map. The result is None if this map has no fixed point, or more than one."""
+        map. The result is None if the map has no fixed point, or more than one fixed point."""
         part = np.eye(self.size) - self.maps[letter, :, : self.size]
         if abs(float(determinants(part[None])[0])) < 1e-12:
             return None
@@ -230,15 +229,16 @@ class Shape:
         """List the pieces of all words of length ``depth`` (0…63), or all pieces smaller than
         ``pixel``, a length in units of the shape. Give either ``depth`` or ``pixel``, not both.
 
-        If ``pixel`` is given, a word ends as soon as the box of its piece is smaller than the
+        If ``pixel`` is given, a word ends as soon as the box around its piece is smaller than
         ``pixel`` on every side. Raises `ShapeError` if there would be more pieces than the limit
         ``most``.
         """
         if (depth is None) == (pixel is None):
             raise ShapeError(
-                f"{'neither' if depth is None else 'both'} of depth= and pixel= are given",
-                "exactly one of the parameters depth= and pixel=",
-                "give either the parameter depth= or the parameter pixel=",
+                "the parameters 'depth' and 'pixel' are both "
+                f"{'missing' if depth is None else 'given'}",
+                "exactly one of the parameters 'depth' and 'pixel'",
+                "give either the parameter 'depth' or the parameter 'pixel'",
             )
         language = self.language
         automaton = language.table, language.accepting
@@ -308,9 +308,9 @@ class Shape:
     def chaos(self, count: int, rng: np.random.Generator) -> np.ndarray:
         """Draw random points ``(count, m)`` of the attractor by the chaos game.
 
-        The probability of a map is proportional to the area of its image. The automaton runs
-        backwards, because the last drawn letter is the outermost map. Raises `ShapeError` if the
-        language has finitely many words.
+        The probability of a map is proportional to the area of its image. The method runs the
+        language's automaton backwards, because the last drawn letter names the outermost map.
+        Raises `ShapeError` if the language has finitely many words.
         """
         if not self.language.lasts:
             raise finite_language_error()
@@ -348,7 +348,7 @@ class Shape:
         return points
 
     def level(self, length: int) -> "Shape":
-        """Return a shape with only those words that have a given ``length``."""
+        """Return a shape with only those words of this shape that have a given ``length``."""
         return self.restricted(self.language & Language.level(len(self), length))
 
     def restricted(self, language: Language) -> "Shape":
@@ -405,7 +405,7 @@ class Shape:
             raise ShapeError(
                 "the two shapes have different affine maps",
                 "two shapes with the same affine maps",
-                "combine shapes of different maps by | or @",
+                "combine shapes of different maps with the operators | and @",
             )
         return self.restricted(combine(self.language, other.language))
 

@@ -24,12 +24,14 @@ def wire(
 ) -> Shape:
     """Make a wire form, such as the Koch curve: a line replaces a segment, again and again.
 
-    The first line replaces the segment from (0, 0) to (1, 0). Each segment of a line is an arc.
+    The first line replaces the segment from (0, 0) to (1, 0). In a wire form, each segment of the
+    line that replaces a segment is called an arc.
 
     points : points of the line that replaces a segment, float ``(n, 2)`` or n complex numbers.
     arcs : the numbers (start, end) of the two points that each arc joins. Arcs may form any graph;
-        by default they join each point to the next point.
-    flipped : whether the copy of the line on each arc is mirrored; by default no copy is mirrored.
+        by default, arcs join each point to the next point.
+    flipped : whether the copy of the line on each arc is mirrored; by default, no copy of the line
+        is mirrored.
     more : further arguments of `Shape`; the default primitive is the segment.
 
     The map of each arc is a similarity. Arcs with a common point keep this point at every depth, so
@@ -47,16 +49,16 @@ def wire(
     pairs = [(k, k + 1) for k in range(count - 1)] if arcs is None else list(arcs)
     if not all(0 <= end < count for pair in pairs for end in pair):
         raise ShapeError(
-            "an arc joins a missing point",
-            f"arcs between points with numbers from 0 to {count - 1}",
-            "correct the numbers of points in the arc",
+            "an arc joins a point that does not exist",
+            f"arcs whose point numbers are from 0 to {count - 1}",
+            "correct the point numbers in the arc",
         )
     mirrors = list(flipped) or [False] * len(pairs)
     if len(mirrors) != len(pairs):
         raise ShapeError(
-            f"the parameter flipped has {len(mirrors)} values for {len(pairs)} arcs",
-            "one value of flipped for each arc",
-            f"give {len(pairs)} values of flipped",
+            f"the parameter 'flipped' has {len(mirrors)} values for {len(pairs)} arcs",
+            "one value of 'flipped' for each arc",
+            f"give {len(pairs)} values of 'flipped'",
         )
     maps = []
     for (start, end), mirror in zip(pairs, mirrors, strict=True):
@@ -77,15 +79,15 @@ def joint_gap(shape: Shape) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Metamorphosis:
-    """The metamorphosis of a shape into another shape. A call with a number t from 0 to 1 returns
-    the shape between ``first`` and ``last`` at this share of the way.
+    """The metamorphosis of a shape into another shape. A call with a number t returns an
+    intermediate shape: t = 0 gives the shape ``first``, and t = 1 gives the shape ``last``.
 
     first, last : shapes that the metamorphosis returns for t = 0 and for t = 1.
     pairs : numbers of paired maps: a map of the first shape becomes the paired map of the last
         shape.
-    linear : whether the numbers of maps are interpolated directly; this keeps connected forms
-        connected. If ``linear`` is false, rotations turn the shorter way, and stretches are
-        interpolated.
+    linear : whether the coefficients of the maps are interpolated directly, which keeps connected
+        forms connected. If ``linear`` is false, the rotations of the maps turn the shorter way, and
+        their stretches are interpolated.
     """
 
     first: Shape
@@ -112,21 +114,22 @@ def metamorphosis(first: Shape, last: Shape, linear: bool | None = None) -> Meta
     """Make the metamorphosis of the ``first`` shape into the ``last`` shape. Both shapes must have
     the same number of coordinates and the language of all words.
 
-    linear : whether the numbers of maps are interpolated directly, see `Metamorphosis`. By default
-        ``linear`` is true for two wire forms whose arcs follow each other without gaps.
+    linear : whether the coefficients of the maps are interpolated directly, see `Metamorphosis`. By
+        default ``linear`` is true for two wire forms whose arcs follow each other without gaps.
 
     If one shape has fewer maps, its last map becomes several maps of the other shape. In a wire
-    form, all new maps but the first grow from the end point, so that the line stays connected.
+    form, all new maps but the first grow from the end point of the line, so that the line stays
+    connected.
 
-    Raises `ShapeError` if only one of the two shapes lies in space, or if a shape has a restricted
-    language.
+    Raises `ShapeError` if only one of the two shapes is three-dimensional, or if a shape has a
+    restricted language.
     """
     check_same_space(first, last)
     for shape in (first, last):
         if shape.language != type(shape.language).every(len(shape)):
             raise ShapeError(
                 "the language of a shape is restricted",
-                "two shapes with the language of all words",
+                "two shapes whose languages contain all words",
                 "make the metamorphosis of the unrestricted shapes, then restrict the result",
             )
     joined = first.size == 2 and max(joint_gap(first), joint_gap(last)) < 1e-9

@@ -115,8 +115,7 @@ def check_chain(content: bytes, path: Path, sealed: str | None = None) -> Chain:
             last = _digest(last.encode() + line[:-_LENGTH])
             if _checksum(line) != last.encode():
                 raise RunError(
-                    f"{path}: line {number} is not the one that was written, or lines before it "
-                    "are missing",
+                    f"{path}: line {number} has changed, or a line before line {number} is missing",
                     "all events of the run, unchanged and in the order in which they were written",
                     "restore the file from a backup",
                 )

@@ -44,7 +44,7 @@ class Lock:
             raise RunError(
                 f"{directory.root} cannot be written: {reason_of(error)}",
                 "a run folder that you may write to",
-                "make the folder writable, or copy it to a place where you may write",
+                "make the folder writable, or copy the folder to a place where you may write",
             ) from error
         try:
             _retry(_take, self._file)
@@ -53,7 +53,7 @@ class Lock:
             raise RunError(
                 f"{directory.root} is being written by another process",
                 "a run that no other process writes",
-                "wait until the other process ends, or stop it",
+                "wait until the other process ends, or stop the other process",
             ) from None
         except BaseException:
             self._file.close()
@@ -78,8 +78,8 @@ class Lock:
                 f"{self._directory.root / LOCK} was removed or replaced while this process wrote "
                 "the run",
                 "the file that this process locked, so that no other process writes the run",
-                "do not delete the file 'lock'; if no process writes the run now, continue it: "
-                f"evocity resume {self._directory.root}",
+                "do not delete the file 'lock'; if no process writes the run now, continue the "
+                f"run: evocity resume {self._directory.root}",
             )
 
     def release(self) -> None:

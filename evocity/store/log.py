@@ -254,7 +254,7 @@ class LogFiles:
         tables = self._with_pieces(read)
         if not tables:
             raise RunError(
-                f"{self._path} has no whole generation yet",
+                f"{self._path} has no complete generation yet",
                 "a run with at least one complete generation",
                 "wait until the first generation ends",
             )

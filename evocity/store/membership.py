@@ -78,7 +78,8 @@ def membership_table(
 ) -> pa.Table:
     """Return an Arrow table of one generation's members, with its ``summary`` in the metadata."""
     members = list(members)
-    summaries = json.dumps({str(generation): dict(summary)}, allow_nan=False)
+    about = {str(generation): dict(summary)}
+    summaries = json.dumps(about, allow_nan=False, separators=(",", ":"))
     schema = membership_schema(header).with_metadata(
         {ABOUT_RUN: header.to_json(), ABOUT_GENERATIONS: summaries}
     )

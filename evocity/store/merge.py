@@ -69,8 +69,8 @@ def drop_leftovers(folder: Folder, last: int) -> None:
         ]
         raise RunError(
             f"{folder.root}: {' and '.join(map(str, lost))} is missing, but later generations "
-            f"up to {after} are there",
-            "the births and the membership of every generation, without a gap",
+            f"up to {after} exist",
+            "files with the births and the living individuals of every generation",
             "restore the missing file from a backup; or set the later files aside, and breed their "
             f"generations again: evocity resume {folder.root} --set-aside",
         )
@@ -95,7 +95,9 @@ def _write_segment(directory: RunDirectory, block: list[Piece], target) -> None:
                 summaries |= more
                 writer.write_table(table, row_group_size=max(len(table), 1))
         if summaries:
-            writer.add_key_value_metadata({ABOUT_GENERATIONS: json.dumps(summaries)})
+            writer.add_key_value_metadata(
+                {ABOUT_GENERATIONS: json.dumps(summaries, separators=(",", ":"))}
+            )
 
 
 def generations_in(directory: RunDirectory, piece: Piece) -> Iterator[tuple[pa.Table, dict]]:

@@ -45,7 +45,7 @@ def _bred_again(run, birth: Birth, parents: Sequence[Genome], rebreed) -> Genome
     what = f"{run.path}: individual {birth.id}, whose genome the log leaves out"
     if rebreed is None:
         raise RunError(
-            what,
+            f"{run.path}: the log leaves out the genome of individual {birth.id}",
             "a run that can breed the genome again",
             "open the run with evocity.open_run(path)",
         )
@@ -59,14 +59,14 @@ def _bred_again(run, birth: Birth, parents: Sequence[Genome], rebreed) -> Genome
     except Exception as error:  # of another package's operator too
         raise RunError(
             f"{what}, cannot be bred again ({describe_error(error).splitlines()[0][:300]})",
-            f"the operator {birth.operator} as it was in the run ({with_it})",
+            f"the operator {birth.operator} that the run used, with {with_it}",
             "install the versions that bred the run; if these versions are installed, the run "
             "folder is damaged: restore the folder from a backup",
         ) from error
     if genome.digest != birth.digest:
         raise RunError(
-            f"{what}, differs when {birth.operator} breeds it again",
-            f"the genome with the hash {birth.digest}, as the run bred it ({with_it})",
+            f"{what}, gets a different genome when the operator {birth.operator} breeds again",
+            f"the genome with the hash {birth.digest}, bred with {with_it}",
             "open the run with these versions on a similar machine; if these versions give this "
             "error, the run folder is damaged: restore the folder from a backup",
         )

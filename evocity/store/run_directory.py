@@ -100,7 +100,7 @@ class RunDirectory:
         if len(content) > MOST_BYTES:
             raise RunError(
                 f"{self._path(part)} has more than {MOST_BYTES // 2**20} MiB",
-                "a file as `evocity run` writes it, which is smaller",
+                "a smaller file, as `evocity run` writes it",
                 "restore the file from a backup",
             )
         return content
@@ -294,9 +294,9 @@ class RunDirectory:
     def _check_single(self, part: str | PurePath, state: os.stat_result) -> None:
         if state.st_nlink > 1:
             raise RunError(
-                f"{self._path(part)} is a hard link: {state.st_nlink} names have the same file",
+                f"{self._path(part)} is a hard link: {state.st_nlink} names stand for one file",
                 "a file with a single name, because evocity appends to it",
-                "replace the file by a copy of it, which has a single name",
+                "replace the file by a copy of the file",
             )
 
 
@@ -306,7 +306,7 @@ def refusal(path: Path, kind: str, wanted: str) -> RunError:
         f"{path} is {'a link' if kind == LINK else f'not a plain {wanted}'}",
         "only plain files and folders, so that evocity neither reads nor writes anything outside a "
         "run folder",
-        "do not trust a stranger's folder with links; replace links in your own by copies",
+        "replace the links by copies, but only if you know the sender of the folder",
     )
 
 

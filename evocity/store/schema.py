@@ -137,6 +137,7 @@ class Header:
         return KINDS[self.kind]
 
     def to_json(self) -> str:
+        """Return the header without spaces, for each file of the log holds it twice."""
         about = asdict(self) | {"schema_version": self.schema_version}
         if self.locked is None:
             del about["locked"]
@@ -145,7 +146,7 @@ class Header:
         for name in (*newer, *(key for key, since in _SINCE.items() if version < since)):
             del about[name]
         about["sigma_max"] = None if np.isinf(self.sigma_max) else self.sigma_max
-        return json.dumps(about)
+        return json.dumps(about, separators=(",", ":"))
 
     @classmethod
     def from_json(cls, text: str | bytes, path) -> "Header":
@@ -370,7 +371,7 @@ def check_version(version, path) -> None:
         raise RunError(
             f"{path} has run schema version {version}",
             f"a run schema version from {SCHEMA_VERSIONS[0]} to {SCHEMA_VERSIONS[-1]}",
-            "read the run with the release of evocity that wrote it",
+            "read the run with the release of evocity that wrote the run",
         )
 
 

@@ -47,7 +47,8 @@ def refuse_existing(path: str | os.PathLike) -> None:
         raise RunError(
             f"the output folder {path} exists already",
             "a folder that does not exist yet",
-            f"choose another folder with --out, or continue that run: evocity resume {path}",
+            "choose another folder with --out, or continue the run in this folder: evocity "
+            f"resume {path}",
         )
 
 
@@ -154,8 +155,8 @@ class RunWriter:
                 raise RunError(
                     f"{run.path}: these files are damaged, or follow a damaged file: {names}{more}",
                     "files that are unchanged since the run wrote them",
-                    "restore these files from a backup; or set them aside and breed the lost "
-                    f"generations again: evocity resume {run.path} --set-aside",
+                    "restore these files from a backup; or set these files aside and breed the "
+                    f"lost generations again: evocity resume {run.path} --set-aside",
                 )
             with writer._explained():
                 drop_leftovers(folder, len(whole) - 1)
@@ -298,7 +299,7 @@ def _unwritable(path: Path, error: OSError, readable: str) -> RunError:
     return RunError(
         f"{path} cannot be written: {reason_of(error)} ({readable})",
         "the run folder at this path, on a disk with free space",
-        f"free some space, or put the folder back; then: evocity resume {path}",
+        f"free some space, or put the folder back; then run evocity resume {path}",
     )
 
 
@@ -333,8 +334,8 @@ def _refuse_earlier_recipes(run: RunLog, last: int) -> None:
             raise RunError(
                 f"{run.path}: a file of generation {last + 1} is damaged or missing, and the "
                 f"earlier recipe {note['file']} bred that generation",
-                "a damaged generation that the present recipe bred, because evocity breeds lost "
-                "generations again by this recipe",
+                "undamaged files of this generation, because evocity can breed lost "
+                "generations again only with the present recipe",
                 "restore the file from a backup",
             )
 

@@ -16,8 +16,9 @@ from evocity.analysis.arguments import check_count
 from evocity.analysis.births import label
 from evocity.analysis.clusters import farthest_first
 from evocity.analysis.distributions import QUANTITIES, Distribution, distributions
-from evocity.analysis.individual import Individual
+from evocity.analysis.individual import Individual, describe_scarce
 from evocity.errors import RunError
+from evocity.genome import Genome
 from evocity.pictures import Change, render_change
 from evocity.pictures.colours import field_colours, scale_end
 from evocity.studio.request_fields import Body, Id
@@ -75,8 +76,17 @@ def describe_birth(moment: Moment, identifier: int) -> dict:
             if key != "operator"
         ],
         "stones": shares,
+        "scarce": _scarce(individual, fabric),
         "pictured": birth.genome is not None or birth.left_out,
     }
+
+
+def _scarce(individual: Individual, fabric: Genome | None) -> str:
+    """The source cities with few of the buildings of a child, in a sentence."""
+    if fabric is None or individual.status != "ok" or individual.operator == "source":
+        return ""
+    cities = [one.name for one in individual.births.sources if one.city.built.any()]
+    return describe_scarce(individual.ancestry(built=True), cities)
 
 
 def _children(moment: Moment, row: int) -> list[int]:

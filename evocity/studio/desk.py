@@ -20,7 +20,7 @@ from evocity import fitness
 from evocity.errors import EvocityError, FitnessError, RecipeError, RunError
 from evocity.recipe.reader import read_recipe
 from evocity.recipe.values import Title
-from evocity.search.calibration.calibration import USUAL_GOALS
+from evocity.search.calibration.calibration import OF_PARENTS, USUAL_GOALS
 from evocity.search.calibration.recipe_text import describe_duration
 from evocity.search.record.complete_run import CompleteRun
 from evocity.studio.desk_maps import MEMORY, MapChoice, Maps, Number, Window
@@ -48,10 +48,11 @@ def _check_name(name: str) -> str:
 
 
 class GoalChoice(Body):
-    """A measure to search by: highest or lowest value, ``target``, or value of the first parent."""
+    """A measure to search by: highest or lowest value, ``target``, value of the first parent, or
+    mean of the parents' maps."""
 
     measure: Annotated[str, Field(max_length=200)]
-    want: Literal["max", "min", "target", "first"]
+    want: Literal["max", "min", "target", "first", "parents"]
     target: Annotated[float | None, typed_field("target", "a number")] = None
 
 
@@ -71,7 +72,11 @@ class Draft(Body):
     window: Window = Window()
     maps: Annotated[tuple[MapChoice, ...], Field(max_length=64)] = ()
     goals: Annotated[tuple[GoalChoice, ...], Field(max_length=MOST_GOALS)] = tuple(
-        GoalChoice(measure=name, want=fitness.get(name).goal or "first") for name in USUAL_GOALS
+        GoalChoice(
+            measure=name,
+            want="parents" if name in OF_PARENTS else fitness.get(name).goal or "first",
+        )
+        for name in USUAL_GOALS
     )
 
     @property
@@ -225,7 +230,7 @@ class Desk:
             if len({choice.map for choice in draft.maps}) < len(draft.maps):
                 raise RequestError(
                     "the page chose one map twice",
-                    "each map once",
+                    "maps that are all different",
                     "load the page again, and choose the maps again",
                 )
             names = [goal.measure for goal in draft.goals]
@@ -273,7 +278,7 @@ class Desk:
                 raise RecipeError(
                     f"the choice has {len(draft.parents)} maps as parents",
                     f"1 to {MOST_PARENTS} maps, preferably two or more",
-                    "choose other maps as parents",
+                    "change the number of maps",
                 )
             if not draft.goals:
                 raise FitnessError(
@@ -326,6 +331,7 @@ class Desk:
             "several": offered.several,
             "goal": None if goal == offered.measure.goal else goal,
             "target": choice.target if choice.want == "target" else None,
+            "of_parents": choice.want == "parents",
         }
 
     def _copied_maps(self, draft: Draft) -> tuple[Path, list[dict]]:

@@ -86,7 +86,16 @@ def _calibrate(job: Mapping, send: Callable) -> None:
     for goal in job["goals"]:
         name, file = goal["measure"], goal["file"]
         measures = [get(name)] if file is None else [m for m in load_file(file) if m.name == name]
-        goals.append(Goal(measures[0], file, goal["several"], goal["target"], goal["goal"]))
+        goals.append(
+            Goal(
+                measures[0],
+                file,
+                goal["several"],
+                goal["target"],
+                goal["goal"],
+                of_parents=goal["of_parents"],
+            )
+        )
     result = calibrate_recipe(
         RecipeSettings(**job["words"]), goals, path, lambda text: send(said=text)
     )

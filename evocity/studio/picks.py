@@ -85,9 +85,9 @@ class Picks:
             picks = tuple(_changed_picks(kept.picks, request))
             if len(picks) > MOST_PICKS:
                 raise RunError(
-                    f"{len(picks)} picks are too many",
-                    f"at most {MOST_PICKS} picks",
-                    "remove some picks first",
+                    f"{len(picks)} picked births are too many",
+                    f"at most {MOST_PICKS} picked births",
+                    "remove some of the picked births first",
                 )
             if picks != kept.picks:
                 before = (*kept.before, kept.picks)[-MOST_STEPS:]
@@ -102,9 +102,9 @@ class Picks:
             return PicksFile.model_validate_json(content)
         except (OSError, ValidationError, RecursionError) as error:
             raise RunError(
-                f"studio cannot read the picks in {self.path} ({type(error).__name__})",
-                "a file of picks that studio wrote",
-                "move the file elsewhere, or restore it from a backup",
+                f"studio cannot read the picked births in {self.path} ({type(error).__name__})",
+                "a list of picked births that studio wrote",
+                "move the file to another folder, or restore the file from a backup",
             ) from None
 
     def _write(self, kept: PicksFile) -> None:

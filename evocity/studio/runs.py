@@ -102,7 +102,7 @@ class Runs:
             others = [breeding for breeding in every if breeding is not chosen]
             if any(breeding.busy for breeding in others):
                 raise RunError(
-                    "studio is breeding children of another run, or in another pane of the page",
+                    "studio is breeding children in another run or in another pane of the page",
                     "one group of children at a time",
                     "wait for those children, or stop them",
                 )

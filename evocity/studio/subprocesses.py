@@ -101,7 +101,7 @@ class DeskJob:
 
     def _end(self, process: subprocess.Popen, what: str) -> None:
         self._error = EvocityError(
-            f"the job of studio ({self._name}) needs {what}",
+            f"a background process of studio ({self._name}) needs {what}",
             "a map of a single district",
             "cut out a smaller part of the map",
         )
@@ -130,9 +130,9 @@ class RunProcesses:
         with self._lock:
             if self.is_busy(run):
                 raise RunError(
-                    f"a process is already running for {run}",
+                    f"a process is already running for the run {run}",
                     "at most one process per run",
-                    "wait until that process ends, or stop it",
+                    "wait until that process ends, or stop that process",
                 )
             try:
                 log.parent.mkdir(parents=True, exist_ok=True)
@@ -219,7 +219,9 @@ def resume_run(run: Path, processes: RunProcesses, request: ResumeRequest) -> No
     opened = CompleteRun(run)
     if is_held(run / "lock"):
         raise RunError(
-            f"a process is still running for {run}", "a run that has ended", "stop the run first"
+            f"a process is still running for the run {run}",
+            "a run that has ended",
+            "stop the run first",
         )
     try:
         refuse_untrusted(opened)

@@ -31,8 +31,8 @@ def concentric_town(
     frontage: float = 14.0,
     storeys: Sequence[int] = (2, 6),
 ) -> CityMap:
-    """Draw a town with ring streets around a central place, crossed by roads and lanes. Houses
-    become lower with their distance from the central place.
+    """Draw a town with a central place, ring streets around it, and roads and lanes that cross the
+    ring streets. Houses become lower with their distance from the central place.
 
     Parameters
     ----------
@@ -80,8 +80,8 @@ def chessboard_town(
     storeys: Sequence[int] = (2, 5),
 ) -> CityMap:
     """Draw a town of square blocks on a grid. Closed and open blocks alternate. The houses of a
-    closed block are high and surround a court. An open block has rows of low, single houses with
-    gardens behind them.
+    closed block are high, and surround a court in the block. An open block has rows of low single
+    houses, each with a garden behind the house.
 
     Parameters
     ----------
@@ -90,7 +90,8 @@ def chessboard_town(
     block : approximate side of the blocks, metres; a whole number of blocks fills the map.
     street : width of the streets, metres.
     depth, frontage : depth and width of the houses, metres.
-    gap : width of the gaps between single houses and in front of them, metres.
+    gap : width of the gaps between single houses, and of the gaps in front of single houses,
+        metres.
 
     Raises `MapError` for a parameter out of range.
     """

@@ -23,9 +23,9 @@ def substitution_town(
     storeys: Sequence[int] = (2, 7),
 ) -> CityMap:
     """Draw a town from a motif of shapes and a rule that replaces each shape by the motif, again
-    and again. The first replacements open the main streets, later replacements the lesser streets,
-    and the last ones the gaps between houses. Source: Woloszyn 1998, described in Marsault 2002
-    §3.2 and 2005 §1.3.
+    and again. The first replacements open the main streets, later replacements open lesser streets,
+    and the last replacements open the gaps between houses. Source: Woloszyn 1998, described in
+    Marsault 2002 §3.2 and 2005 §1.3.
 
     Parameters
     ----------
@@ -37,13 +37,13 @@ def substitution_town(
         replaces.
     turns : the rule: one digit for each shape, in the order in which the letters first appear. Each
         digit, 0…3, is the number of quarter turns of the motif that replaces a shape.
-    iterations : number of replacements, 1…8.
+    iterations : number of replacements of shapes by the motif, 1…8.
     street : width of the streets that the first iteration opens, metres.
     narrowing : factor by which each iteration narrows the streets, above 0, at most 1.
-    least : smallest width of a part, metres. The motif does not replace a shape if a part of the
-        result would be narrower than ``least``.
-    storeys : number of storeys of the lowest and of the highest houses; each iteration adds its
-        share of the height.
+    least : smallest width of a part of the town, metres. The motif does not replace a shape if a
+        part of the new shapes would be narrower than ``least``.
+    storeys : numbers of storeys of the lowest and of the highest houses; each iteration adds its
+        part of the height.
 
     Raises `MapError` for a parameter out of range, or a motif with a shape that is not a rectangle.
     """

@@ -93,7 +93,8 @@ class Column:
                 return [low, high]
         raise EvocityError(
             f"{spell(span)} cannot filter the column {self.name}",
-            "pairs of two numbers, the lower number first; None means the end of the column",
+            "pairs of two numbers, the lower number first; None in place of a number means no "
+            "limit",
             f'write for example {{"{self.name}": [(0.2, 0.4)]}}',
         )
 

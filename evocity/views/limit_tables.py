@@ -140,7 +140,7 @@ class TableFormat:
             remedy or f"widen {widen or f'the limits of a {self.entry}'}, or add a {self.entry}"
         )
         raise self.fault(
-            f"no {self.entry} takes {self.subject} of {self.describe_thing(gap)}",
+            f"no {self.entry} includes {self.subject} of {self.describe_thing(gap)}",
             f"one {self.entry} for each {self.subject.split()[-1]}",
             f"{remedy}; the gap between the entries is {self.describe_box(gap)}",
         )
@@ -152,7 +152,7 @@ class TableFormat:
                 common = intersection(box, earlier)
                 if other != name and common is not None:
                     raise self.fault(
-                        f"both {other} and {name} take {self.subject} of "
+                        f"the limits of {other} and of {name} both include {self.subject} of "
                         f"{self.describe_thing(common)}",
                         f"one {self.entry} for each {self.subject.split()[-1]}",
                         f"let the limits of {other} end where the limits of {name} begin; their "

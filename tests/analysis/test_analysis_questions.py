@@ -7,6 +7,7 @@ import pytest
 
 import evocity
 from evocity import plot
+from evocity.analysis.individual import describe_scarce
 
 NOTEBOOK = Path(__file__).parents[2] / "notebooks" / "01-first-look.ipynb"
 #: Each at most 88 characters; `one` is a birth that was bred.
@@ -103,3 +104,13 @@ def test_pictures_and_files(answers):
     city = run[19].city
     assert len(answers["layers"].buildings.area) > 0
     assert city.name == "run, individual 19"
+
+
+def test_cities_with_few_buildings_are_named():
+    cities = ["left", "right", "middle"]
+    shares = {"left": 0.93, "right": 0.0304, "none": 0.0396}
+    text = describe_scarce(shares, cities)
+    assert text == "It has only 3% of its buildings from right and 0% of its buildings from middle."
+    assert describe_scarce({"left": 0.9, "right": 0.1}, cities[:2]) == ""
+    assert describe_scarce({"left": 1.0}, cities[:1]) == ""
+    assert describe_scarce({}, cities) == ""

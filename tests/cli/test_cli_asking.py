@@ -56,7 +56,7 @@ def test_a_run_that_has_ended_takes_commands_up_when_it_is_resumed(tmp_path):
         (("pick", 99), "no individual 99"),
         (("pick",), "neither the id of an individual nor --clear"),
         (("pick", 1, "--clear"), "1 is not picked"),
-        (("pick", 1, 2, "--share", 1.5), "the picks 1 2 with the share 1.5"),
+        (("pick", 1, 2, "--share", 1.5), "the picked births 1 2 with the share 1.5"),
         (("reweight", "mutation=0", "pavement_fusion=0"), "all operators would have"),
         (("pick", 1, "--share", 0.5, "--clear"), "--share cannot be combined with --clear"),
         (("stop",), "this run is not in progress"),

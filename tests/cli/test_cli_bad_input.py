@@ -370,8 +370,11 @@ def test_an_unknown_measure_is_refused_with_the_one_that_may_be_meant(tmp_path):
     [
         (None, "no table at"),
         ("[[type]", "no TOML"),
-        ("[[type]]\nname = 'a'\nheight = { below = 9 }", "no type takes a building of area"),
-        ("[[type]]\nname = 'a'\n[[type]]\nname = 'b'", "both a and b take a building of area"),
+        ("[[type]]\nname = 'a'\nheight = { below = 9 }", "no type includes a building of area"),
+        (
+            "[[type]]\nname = 'a'\n[[type]]\nname = 'b'",
+            "the limits of a and of b both include a building of area",
+        ),
         ("[shares]\nrow = 0.5", "sum to 0.5"),
     ],
 )

@@ -194,7 +194,7 @@ def test_every_operator_breeds_by_name(tmp_path, towns, name):
         (("pavement_fusion", "--block", 8), "--block cannot be used with only genomes"),
         (("pavement_fusion", "--reach", "all"), "--reach cannot be used with only genomes"),
         (("pavement_fusion", "--pixels", 8), "--pixels cannot be used with only genomes"),
-        (("pavement_fusion", "--id", 8), "run folders (0)"),
+        (("pavement_fusion", "--id", 8), "run folders is 0"),
     ],
 )
 def test_what_cannot_be_bred_is_refused(tmp_path, towns, words, says):

@@ -86,8 +86,8 @@ def test_the_file_tells_every_view_and_keeps_its_lines_short():
         ("2x", "'2x' cannot be the name"),
         ("my-measure", "evocity fitness new my_measure"),
         ("class", "'class' cannot be the name"),
-        ("max", "has no other meaning"),
-        ("np", "has no other meaning"),
+        ("max", "that neither Python nor the new file uses"),
+        ("np", "that neither Python nor the new file uses"),
         ("gsi", "a measure called gsi exists already, from evocity"),
     ],
 )
@@ -495,7 +495,7 @@ def test_an_id_for_each_run_among_maps(tmp_path, finished, towns):
         *words,
         "--id",
         1,
-        says="the numbers of --id (1) and of run folders (2) differ",
+        says="the number of --id options is 1, but the number of run folders is 2",
     )
 
 
@@ -505,7 +505,7 @@ def test_what_asks_for_more_than_there_is_is_undefined_unless_named(tmp_path, to
     for words, lacks in (((towns[0], *AT_2_M), "the genome"), ((genome,), "the sources")):
         assert json.loads(call("score", *words, "--json").stdout)["integrity"] is None
         (line,) = [
-            s for s in call("score", *words).stdout.splitlines() if s.startswith("integrity")
+            s for s in call("score", *words).stdout.splitlines() if s.startswith("integrity ")
         ]
         assert line.split(maxsplit=2)[1] == "undefined"
         assert f"it needs {lacks}" in line

@@ -59,7 +59,7 @@ def test_what_lies_nowhere_is_no_geojson(tmp_path, nowhere):
         ("pattern", "radial"),
         ("grow", nowhere, "--width", 128, "--height", 96),
     ):
-        told = refused(tmp_path, *words, "-o", path, says="no place on Earth")
+        told = refused(tmp_path, *words, "-o", path, says="no position in a")
         assert "write a .gpkg, which accepts local metres" in told
 
 

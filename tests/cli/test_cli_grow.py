@@ -48,6 +48,28 @@ def test_options_arrive_and_json_tells_what_was_reached(tmp_path, genome_file):
     }
 
 
+@pytest.mark.slow
+def test_streets_run_through_on_demand(tmp_path, genome_file):
+    path = tmp_path / "f.npy"
+    words = (*SIZE, "--streets", "--side-min", 42, "--side-max", 70, "--left", 300)
+    result = call("grow", genome_file, *words, "-o", path)
+    told = json.loads(call("grow", genome_file, *words, "-o", path, "--json").stdout)
+    code = evocity.read_genome(genome_file)
+    fabric = grow(
+        code, 96, 128, np.random.default_rng(0), streets=True, side_min=42, side_max=70,
+        corner=(0, 0),
+    ).at(0, 300, 96, 128)  # fmt: skip
+    assert np.array_equal(np.load(path), fabric.city().heights)
+    assert f"{told['groups']} quarters of 42 to 70 m laid" in result.stdout
+    assert told.pop("seconds") > 0
+    place = {"top": 0, "left": 300, "cell": 4, "side_min": 42, "side_max": 70}
+    assert told == {**fabric.account(), **place}
+    refused(
+        tmp_path, "grow", genome_file, *words, "--tolerance", 3, "-o", path,
+        says="leave out --tolerance",
+    )  # fmt: skip
+
+
 def test_sizes_in_range_blocks_are_still_taken(tmp_path, genome_file):
     for name, typed in {
         "a": ("--side-min", 32, "--side-max", 48),
@@ -164,7 +186,7 @@ def test_individuals_of_runs_grow(tmp_path):
     ("options", "says"),
     [
         (("--height", 0), "--height 0"),
-        (("--width", 0), "expected: pixels within the limits: width 1 to 32767"),
+        (("--width", 0), "expected: a rectangle within these limits, in pixels: width 1 to 32767"),
         (("--height", 10**9), "--height 1000000000"),
         (("--corner", 9, 0, "--top", 3), "--corner cannot be combined with --top or --left"),
         (("--top", 1 << 60), "--top 1152921504606846976"),
@@ -178,7 +200,7 @@ def test_individuals_of_runs_grow(tmp_path):
         ),
         (("--tolerance", "nan"), "--tolerance nan"),
         (("--candidates", 0), "--candidates 0"),
-        (("--id", 1), "run folders (0)"),
+        (("--id", 1), "run folders is 0"),
         (("--block", 8), "--block cannot be used with only genomes"),
     ],
 )

@@ -140,11 +140,13 @@ def of_no_polygon(folder):
 
 
 def of_another_town(folder):
-    return square(folder / "a.geojson", 2.35, 48.85), "none of 1 footprints covers a pixel"
+    return square(folder / "a.geojson", 2.35, 48.85), "the footprints (1 in all) cover no pixel"
 
 
 def of_less_than_a_pixel(folder):
-    return square(folder / "a.geojson", *LYON, half=1e-9), "none of 1 footprints covers a pixel"
+    return square(
+        folder / "a.geojson", *LYON, half=1e-9
+    ), "the footprints (1 in all) cover no pixel"
 
 
 def of_another_size(folder):
@@ -180,14 +182,14 @@ def test_a_bad_lock_is_refused(tmp_path, bad):
 def test_footprints_ask_for_a_map_with_a_place(tmp_path, town_file):
     plan = square(tmp_path / "plan.geojson", *LYON)
     words = ("encode", town_file, *AT_2_M, "--lock", plan, "-o", tmp_path / "g.parquet")
-    refused(tmp_path, *words, says="town has no place on Earth, but plan needs a map")
+    refused(tmp_path, *words, says="town has no position in a coordinate reference system, but")
 
 
 @pytest.mark.parametrize(
     ("heights", "says"),
     [
-        ("-3", "a condensed height of -3 m"),
-        ("nan", "a condensed height of nan m"),
+        ("-3", "the fixed height of -3 m"),
+        ("nan", "the fixed height of nan m"),
         ("1e9", "0 m (ground) to 1000 m"),
         ("missing.tif", "no file 'missing.tif'"),
         ("levels.png", "grey levels"),
@@ -222,7 +224,7 @@ def test_the_lock_is_never_the_output(tmp_path, town_file):
         ('mask = "big.npy"', "big has 64 × 64 px, but left has 32 × 32 px"),
         ('mask = "none.npy"', "no value above 0 on the map left"),
         ('mask = "all.npy"', "covers every pixel of left"),
-        ('footprints = "plan.geojson"', "left has no place on Earth"),
+        ('footprints = "plan.geojson"', "left has no position in a"),
         ('mask = "mask.npy"\nheights = -1', "locked.heights: -1"),
     ],
 )

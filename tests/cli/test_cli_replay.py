@@ -97,9 +97,9 @@ def test_a_changed_measure_is_executed_only_if_that_is_accepted(tmp_path):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ((), "IDs, --all and --sample are all missing"),
-        ((3, "--all"), "IDs, --all and --sample are all missing"),
-        (("--all", "--sample", 3), "IDs, --all and --sample are all missing"),
+        ((), "none, or several, of the arguments IDs, --all and --sample"),
+        ((3, "--all"), "none, or several, of the arguments IDs, --all and --sample"),
+        (("--all", "--sample", 3), "none, or several, of the arguments IDs, --all and --sample"),
         ((10**6,), "no individual 1000000"),
     ],
 )

@@ -198,6 +198,7 @@ def test_status_tells_where_a_run_is(finished):
     told = json.loads(call("status", finished, "--json").stdout)
     assert set(told) == {
         "generation",
+        "kept",
         "damaged",
         "differs",
         "births",
@@ -242,6 +243,18 @@ def test_status_tells_where_a_run_is(finished):
     (front,) = [line.split()[1:] for line in text.splitlines() if line.startswith("front")]
     members = run.members(run.generations[-1]).to_pylist()
     assert [int(one) for one in front] == sorted(m["id"] for m in members if m["rank"] == 0)
+    assert told["kept"] == []  # the run does not measure `smallest_share`
+
+
+def test_status_tells_whose_buildings_the_cities_to_keep_have(tmp_path):
+    share = 'name = "alignment"\n[[fitness]]\nname = "smallest_share"\nmin = 0.05'
+    path = write_recipe(tmp_path, fitness=share)
+    call("run", path, "--generations", 1, "--out", tmp_path / "run")
+    kept = json.loads(call("status", tmp_path / "run", "--json").stdout)["kept"]
+    assert all(0.99 < sum(one["built"].values()) < 1.01 for one in kept)
+    lines = call("status", tmp_path / "run").stdout.splitlines()
+    (first,) = [line for line in lines if line.startswith("to keep")]
+    assert f"{kept[0]['id']}: Its buildings come from " in first
 
 
 def test_one_individual_of_a_run_leaves_it(tmp_path, finished):

@@ -38,7 +38,7 @@ def test_a_part_of_a_map_is_scored(masks):
     assert told["lacunarity"] is None
     assert "528 px within 32 × 32 px" in call(*words, "--fitness", "gsi").stdout
     lines = call(*words).stdout
-    assert "because this part is not a rectangle" in lines
+    assert "this part of the map is not a rectangle" in lines
     for name, says in (("lacunarity", "is not a rectangle"), ("integrity", "whole map: genome")):
         refused(masks, *words, "--fitness", name, says=says)
 

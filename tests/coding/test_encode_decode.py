@@ -228,9 +228,9 @@ def test_psnr(town):
 
 
 def test_names_in_place_of_maps_and_genomes_are_told_apart(town, encoding):
-    with pytest.raises(GenomeError, match=r"a str cannot be encoded(.|\n)*read_map"):
+    with pytest.raises(GenomeError, match=r"of the class str cannot be encoded(.|\n)*read_map"):
         uniformly("lyon-1er")
-    with pytest.raises(GenomeError, match=r"a CityMap cannot be decoded(.|\n)*encode"):
+    with pytest.raises(GenomeError, match=r"of the class CityMap cannot be decoded(.|\n)*encode"):
         decode(town)
 
 

@@ -15,6 +15,8 @@ import rasterio
 from fuzz_damage import as_json, chunk
 from toy_runs import unsealed
 
+from evocity.parquet_child import MEMORY
+
 CORNER = (770000.0, 6270000.0)
 
 _RECURSIVE = (
@@ -41,11 +43,15 @@ def bombs(folder: Path, files: dict[str, list[Path]], long: bool) -> list[dict]:
             part="objects.gpkg")  # fmt: skip
     for name, suffix, content in (*_outlines(folder), *_texts(long)):
         add(name, "map", suffix, content)
-    for name, suffix, content in _rasters(folder, files, long):
-        add(name, "whole map", suffix, content)
+    for name, suffix, content, *pixels in _rasters(folder, files, long):
+        # a valid map of so many pixels takes several times its heights, and time
+        large = {"mib": pixels[0] * 4 * 4 / 2**20, "seconds": 120.0} if pixels else {}
+        add(name, "whole map", suffix, content, **large)
     genome = next(one for one in files["genome"] if one.name == "genome.parquet")
     for name, content in _genomes(folder, genome, long):
-        add(name, "genome", ".parquet", content)
+        # the process that parses Parquet without a seal has a limit of its own
+        large = {"mib": MEMORY / 2**20} if name == "rows" else {}
+        add(name, "genome", ".parquet", content, **large)
     run = files["run"][-1]
     for name, part, content in _parts(folder, run, long):
         for kind in ("run", "told"):
@@ -171,7 +177,7 @@ def _rasters(folder: Path, files, long: bool):
             if system == "EPSG:4326":
                 where = rasterio.Affine(1e-6, 0, 3.8, 0, -1e-6, 43.5)
             _tif(tif, side, kind, system, where)
-            yield f"zeros-{side}-{system[5:]}", ".tif", tif.read_bytes()
+            yield f"zeros-{side}-{system[5:]}", ".tif", tif.read_bytes(), side**2
     for shape in ((100_000, 100_000), (1 << 40, 1 << 40), (-1, 5), (3,) * 100_000):
         head = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".encode()
         for size in (2, 4):

@@ -48,6 +48,7 @@ def _outcome(readers, job: dict, outside: list) -> dict:
         path = place
         outside.clear()
     before = _listing(path)
+    parser = _reset_parser()
     start, resident = time.perf_counter(), _reset()
     outcome, message = "read", ""
     try:
@@ -67,7 +68,7 @@ def _outcome(readers, job: dict, outside: list) -> dict:
         "outcome": outcome,
         "message": message,
         "seconds": time.perf_counter() - start,
-        "mib": max(0, _peak() - resident) / 1024,
+        "mib": max(0, _peak() - resident, _peak_of_parser(parser)) / 1024,
         "made": sorted({*outside, *(_listing(path) ^ before)}),
     }
     if "base" in job:
@@ -167,7 +168,7 @@ def _watch(home: str) -> list[str]:
         elif event == "open" and isinstance(args[1], str) and set(args[1]) & set("wax+"):
             name = os.path.abspath(os.fsdecode(args[0])) if not isinstance(args[0], int) else home
             cached = "/__pycache__" in name  # a kernel, compiled for the first time
-            if not cached and not name.startswith((home, "/proc/self/", "/dev/null")):
+            if not cached and not name.startswith((home, "/proc/", "/dev/null")):
                 found.append(name)
         elif event == "subprocess.Popen":
             if "evocity.parquet_child" not in str(args[1]):  # parses Parquet without a seal
@@ -195,9 +196,36 @@ def _peak() -> int:
     return _status("VmHWM")
 
 
-def _status(key: str) -> int:
-    """KiB of this process, by the kernel."""
-    for line in Path("/proc/self/status").read_text().splitlines():
+def _parser() -> int | None:
+    """The process that parses Parquet without a seal, if there is one."""
+    from evocity import parquet_child
+
+    process = parquet_child._child._process
+    return None if process is None or process.poll() is not None else process.pid
+
+
+def _reset_parser() -> tuple[int | None, int]:
+    """The parser, and its memory before an input."""
+    pid = _parser()
+    with contextlib.suppress(OSError, KeyError):
+        if pid is not None:
+            Path(f"/proc/{pid}/clear_refs").write_text("5")
+            return pid, _status("VmRSS", pid)
+    return None, 0
+
+
+def _peak_of_parser(before: tuple[int | None, int]) -> int:
+    """KiB that the parser took for an input; all of its memory if it is a new process."""
+    pid = _parser()
+    with contextlib.suppress(OSError, KeyError):
+        if pid is not None:
+            return _status("VmHWM", pid) - (before[1] if before[0] == pid else 0)
+    return 0
+
+
+def _status(key: str, pid: int | str = "self") -> int:
+    """KiB of a process, by the kernel."""
+    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
         if line.startswith(f"{key}:"):
             return int(line.split()[1])
     raise KeyError(key)

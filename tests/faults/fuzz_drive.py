@@ -21,8 +21,9 @@ def outcomes(
     """What came of each of ``jobs``, in their order; ``folder`` is theirs to work in. ``views``:
     seconds that views of GeoPackages get.
 
-    A job: ``kind``, ``path``, and of folders ``base`` and ``part``. An outcome: ``outcome``, which
-    is read, refused, raised, crashed or endless; ``message``, ``seconds``, ``mib``, ``made``.
+    A job: ``kind``, ``path``, of folders ``base`` and ``part``, and ``seconds`` for another limit.
+    An outcome: ``outcome``, which is read, refused, raised, crashed or endless; ``message``,
+    ``seconds``, ``mib``, ``made``.
     """
     waiting: queue.SimpleQueue = queue.SimpleQueue()
     for number, job in enumerate(jobs):
@@ -90,7 +91,8 @@ class _Child:
             raise RuntimeError((home / "said.txt").read_text()[-2000:])
 
     def ask(self, job: dict) -> dict:
-        late = threading.Timer(SECONDS + 5, self._process.kill)
+        seconds = job.get("seconds", SECONDS) + 5
+        late = threading.Timer(seconds, self._process.kill)
         late.start()
         try:
             self._process.stdin.write(json.dumps(job) + "\n")
@@ -106,7 +108,7 @@ class _Child:
         code = self._process.wait()
         outcome = "endless" if ended else "crashed"
         about = {"outcome": outcome, "message": f"exit code {code}", "made": []}
-        return about | {"seconds": SECONDS + 5 if ended else 0.0, "mib": 0.0}
+        return about | {"seconds": seconds if ended else 0.0, "mib": 0.0}
 
     def close(self) -> None:
         self._process.kill()

@@ -451,7 +451,9 @@ def test_a_scheduler_that_does_not_come_back_ends_the_run(
         monkeypatch.setattr(dask_link, "CONNECT", 1.0)
         own.kill_scheduler()
         began = time.monotonic()
-        with pytest.raises(RunError, match=r"did not come back in 2 s.*[\s\S]*evocity resume"):
+        with pytest.raises(
+            RunError, match=r"did not answer again within 2 s.*[\s\S]*evocity resume"
+        ):
             engine.run("evaluate", named(genome, *calm(4)))
         assert time.monotonic() - began < 20
     finally:

@@ -11,7 +11,7 @@ from toy_runs import write_toy
 
 from evocity.errors import EvocityError
 from evocity.fitness import registry
-from evocity.search import Search, read_recipe
+from evocity.search import Search, read_recipe, replay
 from evocity.store import RunLog
 
 PARTS = """
@@ -129,6 +129,16 @@ def test_a_bit_that_is_flipped_changes_no_birth_silently(steered, kind):
     counts = check(steered, kind, 300, 11)
     print(kind, counts)
     assert counts["refused"] > 75
+
+
+def test_an_earlier_recipe_that_was_changed_is_named(steered, tmp_path):
+    """No birth of a resumed run depends on it; those that it bred are not replayed."""
+    run = shutil.copytree(steered[0], tmp_path / "run")
+    assert all(one.same for one in replay(run, [9, 10], trust=True))
+    path = run / "recipe-1.toml"
+    path.write_text(path.read_text().replace("mutation = 2", "mutation = 5"))
+    with pytest.raises(EvocityError, match="recipe"):
+        replay(run, [9, 10], trust=True)
 
 
 @pytest.mark.parametrize("kind", KINDS)

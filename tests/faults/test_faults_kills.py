@@ -176,19 +176,19 @@ def begun_or_resumed(host, recipe, out, **how) -> int:
 # -- SIGKILL of the main process -----------------------------------------------------------
 
 
-def killed_at_random(host, folder, rng, kills: int, workers: int, generations: int) -> int:
-    """A run that is killed until it is finished, or after so many kills let through; how often it
-    was killed. In turn it is killed at a random moment, before a random deed on files, and after
-    what starts its workers was killed."""
-    recipe, out = write_toy(folder, SLOW, generations=generations), folder / "run"
+def killed_at_random(host, folder, rng, kills: int, workers: int, generations: int) -> list[Path]:
+    """The folders of runs that were killed so many times together: the last one is let through, and
+    one that is finished before is followed by another. In turn a run is killed at a random moment,
+    before a random deed on files, and after what starts its workers was killed."""
+    recipe, outs = write_toy(folder, SLOW, generations=generations), [folder / "run-0"]
     done, longest = 0, 0.8 if workers == 0 else 4.0
     while True:
         die = int(rng.integers(1, 80)) if done % 3 == 1 and done < kills else None
-        pid = begun_or_resumed(host, recipe, out, workers=workers, die=die)
+        pid = begun_or_resumed(host, recipe, outs[-1], workers=workers, die=die)
         if done == kills:
             assert host.ended(pid) == 0, host.told(pid)
             assert host.left() == []
-            return done
+            return outs
         if die is None:
             if done % 3 == 2 and workers:
                 time.sleep(float(rng.uniform(0.02, longest)))
@@ -197,12 +197,15 @@ def killed_at_random(host, folder, rng, kills: int, workers: int, generations: i
             time.sleep(float(rng.uniform(0.02, longest)))
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
-        if host.ended(pid) == 0:
-            return done
+        code = host.ended(pid)
+        assert code in (0, -signal.SIGKILL), host.told(pid)
         assert host.left() == []
+        if code == 0:
+            outs.append(folder / f"run-{len(outs)}")
+            continue
         done += 1
-        if out.exists():
-            RunLog(out).status()  # readable at once
+        if outs[-1].exists():
+            RunLog(outs[-1]).status()  # readable at once
 
 
 @pytest.mark.slow
@@ -220,9 +223,10 @@ def test_killed_at_random_moments_it_goes_on_to_the_same_births(
     host, tmp_path, uninterrupted, kills, workers, generations, turn
 ):
     rng = np.random.default_rng([kills, workers, turn])
-    done = killed_at_random(host, tmp_path, rng, kills, workers, generations)
-    assert done >= kills / 2
-    assert rows(tmp_path / "run") == uninterrupted(generations, SLOW)
+    outs = killed_at_random(host, tmp_path, rng, kills, workers, generations)
+    print(f"{kills} kills, {workers} workers, {len(outs)} runs")
+    for out in outs:
+        assert rows(out) == uninterrupted(generations, SLOW)
 
 
 def killed_before_each(host, folder, recipe, deeds) -> set[int]:

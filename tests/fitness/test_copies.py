@@ -147,7 +147,7 @@ def test_a_source_s_own_code_repeats_nothing_when_decoded():
 
 
 def test_a_map_of_another_size_is_refused():
-    with pytest.raises(FitnessError, match="64 × 64 px, its genome has 32 × 32 px"):
+    with pytest.raises(FitnessError, match="64 × 64 px, but its genome has 32 × 32 px"):
         repeated_places(town(1), own(town(1, 32, buildings=6)))
 
 

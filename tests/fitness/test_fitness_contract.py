@@ -21,9 +21,12 @@ PACKAGED = [m for m in evocity.fitness.measures() if m.function.__module__.start
 UNDER_ISOMETRIES = {
     "autosimilarity": 0.02,
     "frontage": 0.05,
+    "picture_likeness": 0.1,  # the gradients of the map turn, those of the reference do not
     "street_distance": 0.1,
     "street_width": 0.2,
 }
+# A genome does not turn with the map, so its places of origin lie elsewhere on a turned map.
+BOUND_TO_A_GENOME = {"integrity_along_fronts"}
 # What directions are compared with does not turn with the map; a quarter turn is all the same.
 DIRECTED = {"fabric_distance.direction"}
 ROUNDING = 1e-5
@@ -124,6 +127,7 @@ def test_the_package_has_the_measures_of_the_papers_and_the_wider_set():
         "height_deviation",
         "height_entropy",
         "integrity",
+        "integrity_along_fronts",
         "lacunarity",
         "mean_height",
         "object_classes.building",
@@ -144,6 +148,8 @@ def test_the_package_has_the_measures_of_the_papers_and_the_wider_set():
         "orientation_order",
         "osr",
         "party_wall_ratio",
+        "picture_likeness",
+        "picture_likeness.floor",
         "rectangularity",
         "repeated_footprints",
         "repetition",
@@ -190,6 +196,8 @@ def test_one_number_in_range_the_same_once_more_and_the_map_untouched(measure):
 
 @every_measure
 def test_turning_and_mirroring_the_city_changes_nothing(measure):
+    if measure.name in BOUND_TO_A_GENOME:
+        pytest.skip("the genome does not turn")
     tolerance = UNDER_ISOMETRIES.get(measure.name, ROUNDING)
     turns = range(4 if measure.name in DIRECTED else 8)  # a mirrored city has other directions
     values = [measured(measure, TURNED[iso]) for iso in turns]

@@ -136,7 +136,7 @@ def test_the_argument_is_the_city_alone():
         return 1.0
 
     for function in (two, none):
-        with pytest.raises(FitnessError, match="the parameter city first"):
+        with pytest.raises(FitnessError, match="the parameter 'city' first"):
             evocity.fitness(goal="max")(function)
     assert evocity.fitness(goal="max")(optional)(CITY) == 1.0
 

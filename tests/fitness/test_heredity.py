@@ -274,9 +274,15 @@ def test_the_void_takes_buildings_away():
 @pytest.mark.parametrize(
     ("sources", "found"),
     [
-        ([ONE_HOUSE], "64 lifs come from a, but the sources are maps of b"),
-        ([], "64 lifs come from a, but the sources are maps of no city"),
-        ([hamlet("a", side=16)], "lifs come from places outside the map of a, which has 16 ×"),
+        (
+            [ONE_HOUSE],
+            "64 lifs .codes of one range block. come from a, but the sources are maps of b",
+        ),
+        ([], "64 lifs .codes of one range block. come from a, but the sources are maps of no city"),
+        (
+            [hamlet("a", side=16)],
+            "lifs .codes of one range block. come from outside the map of a, which has 16 ×",
+        ),
         ([TWO_HOUSES, hamlet("a")], "two source cities have the name a"),
         ([coded(TWO_HOUSES)], "sources ="),
         ("a", "sources ="),

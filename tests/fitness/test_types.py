@@ -279,7 +279,7 @@ def test_a_table_that_fills_the_space_says_of_each_building_what_its_text_says(e
 def test_a_gap_is_refused_with_a_building_in_it(entries, data):
     k = data.draw(st.integers(0, len(entries) - 1))
     _, box = entries.pop(k)
-    with pytest.raises(FitnessError, match="no type takes a building of") as caught:
+    with pytest.raises(FitnessError, match="no type includes a building of") as caught:
         TypeTable.of(text_of(entries))
     assert holds(box, example(caught.value.found))
     assert "add a type" in caught.value.remedy
@@ -290,11 +290,13 @@ def test_a_gap_is_refused_with_a_building_in_it(entries, data):
 def test_an_overlap_is_refused_with_both_types_and_a_building_of_both(entries, data):
     one = data.draw(st.integers(0, len(entries) - 1))
     entries[one] = entries[one][0], whole(space())
-    with pytest.raises(FitnessError, match=r"both t\d+ and t\d+ take a building of") as caught:
+    with pytest.raises(
+        FitnessError, match=r"the limits of t\d+ and of t\d+ both include a building of"
+    ) as caught:
         TypeTable.of(text_of(entries))
     told = caught.value.found.split()
-    both = [dict(entries)[told[1]], dict(entries)[told[3]]]
-    assert f"t{one}" in (told[1], told[3])
+    both = [dict(entries)[told[3]], dict(entries)[told[6]]]
+    assert f"t{one}" in (told[3], told[6])
     assert all(holds(box, example(caught.value.found)) for box in both)
     # the same type twice is no matter
     entries = [("one", box) for _, box in entries]
@@ -377,13 +379,13 @@ HOUSE = '[[type]]\nname = "house"\n'
         (HOUSE * (MOST + 1), f"{MOST + 1} entries", "for example"),
         (
             HOUSE + "height = { below = 9 }",
-            "no type takes a building of area 100",
+            "no type includes a building of area 100",
             "height of house",
         ),
         (HOUSE + "elongation = { below = 1 }", "elongation 1", "elongation of house"),
         (
             HOUSE + "[[type]]\nname = 'all'",
-            "both house and all take",
+            "the limits of house and of all both include",
             "their overlap is all buildings",
         ),
         (HOUSE + "[shares]\nhouse = 1.5", "[shares] that sum to 1.5", "divide each by that sum"),

@@ -44,6 +44,12 @@ def test_a_written_file_is_sealed(path, genome, monkeypatch):
     assert path.read_bytes().count(FILE_SEAL) == 1
 
 
+def test_a_seal_takes_no_more_room_than_statistics(path, tmp_path):
+    """Releases without seals wrote statistics, which nobody reads."""
+    size = path.stat().st_size
+    assert size <= unsealed(path, compression="zstd").stat().st_size
+
+
 def test_a_seal_that_damage_hides_is_missed(path):
     content = path.read_bytes()
     at = content.rindex(FILE_SEAL)
@@ -81,7 +87,7 @@ def test_a_child_that_cannot_start_is_no_damage(path, monkeypatch):
     unsealed(path)
     monkeypatch.setattr(parquet_child._child, "_process", None)
     monkeypatch.setattr(parquet_child, "python_command", lambda *a, **k: ["/missing/python"])
-    with pytest.raises(parquet_child.ChildStartError, match="cannot start the process"):
+    with pytest.raises(parquet_child.ChildStartError, match="cannot start the child process"):
         read_genome(path)
     parquet_child.try_to_read(path.read_bytes())  # the caller reads the file itself
 

@@ -116,7 +116,7 @@ def test_range_blocks_may_be_parts_of_cells():
         ({}, (1, 0, 40, 40), "row 0 + n · 4 and the column 0 + n · 4"),
         ({}, (0, 0, 40, 42), "multiples of 4 px"),
         ({"cell": 3}, (0, 0, 60, 60), "growth in cells of 3 px: "),
-        ({}, (40, 40, 4, 40), "sides of at least 8 px"),
+        ({}, (40, 40, 4, 40), "height and width of at least 8 px"),
     ],
 )
 def test_what_is_no_genome_is_refused(code, options, box, says):

@@ -75,7 +75,9 @@ def test_the_square_of_these_tests_is_read(tmp_path):
 def test_missing_empty_and_foreign_files(refused, suffix):
     refused(f"a{suffix}", None, "no file")
     refused(f"a{suffix}", b"", "is empty")
-    refused(f"a{suffix}", b"\x00\x01\x02 nothing anybody knows" * 50, "holds something else")
+    refused(
+        f"a{suffix}", b"\x00\x01\x02 nothing anybody knows" * 50, "holds data in an unknown format"
+    )
 
 
 def test_a_folder_a_wrong_suffix_and_a_missing_folder(refused, tmp_path):
@@ -531,10 +533,10 @@ def test_a_geopackage_whose_schema_is_not_utf_8_is_refused(tmp_path, change):
 
 def test_an_endless_attribution_is_refused(tmp_path):
     city = CityMap(np.ones((4, 4), np.float32), 2.0, name="a")
-    with pytest.raises(MapError, match=f"at most {MOST_ATTRIBUTION} letters"):
+    with pytest.raises(MapError, match=f"at most {MOST_ATTRIBUTION} characters"):
         CityMap(city.heights, 2.0, attribution="a" * 5_000_000)
     write_map(city, tmp_path / "a.tif")
     with rasterio.open(tmp_path / "a.tif", "r+") as file:
         file.update_tags(ATTRIBUTION="a" * 5_000_000)
-    with pytest.raises(MapError, match="an attribution of 5000000 letters"):
+    with pytest.raises(MapError, match="the attribution has 5000000 characters"):
         read_map(tmp_path / "a.tif")

@@ -195,14 +195,14 @@ def test_a_map_without_a_place_is_in_local_metres_or_refused(tmp_path):
     assert CRS(table.crs).is_engineering
     assert table.total_bounds == pytest.approx(shapely.total_bounds(city.outline))
     assert 0 <= table.total_bounds.min() < table.total_bounds.max() <= 80
-    with pytest.raises(MapError, match=r"no place on Earth[^~]*WGS84[^~]*\.gpkg"):
+    with pytest.raises(MapError, match=r"no position in a reference system[^~]*WGS84[^~]*\.gpkg"):
         write_map(city, tmp_path / "a.geojson")
     assert [p.name for p in tmp_path.iterdir()] == ["a.gpkg"]
 
 
 def test_local_footprints_take_no_place_and_only_metres(tmp_path):
     write_map(town(placed=False), tmp_path / "a.gpkg")
-    with pytest.raises(MapError, match="no place on Earth, so center="):
+    with pytest.raises(MapError, match="no coordinate reference system, so center="):
         read_map(tmp_path / "a.gpkg", center=(2.3, 48.9))
     with pytest.raises(MapError, match="in foot"):
         read_map(local_layer(tmp_path / "b.gpkg", [0, 0, 40, 40], "foot", 0.3048))
@@ -217,7 +217,7 @@ def test_local_footprints_take_no_place_and_only_metres(tmp_path):
 
 def test_local_footprints_lock_nothing_of_a_map_that_has_a_place(tmp_path):
     path = local_layer(tmp_path / "a.gpkg", [0, 0, 40, 40], "metre", 1)
-    with pytest.raises(MapError, match=r"no place on Earth, but .* has"):
+    with pytest.raises(MapError, match=r"no coordinate reference system, but .* has"):
         read_condensation(path, town())
 
 

@@ -117,7 +117,7 @@ def test_a_tif_without_a_place_needs_its_pixel_size(tmp_path):
     with pytest.raises(MapError, match="metres_per_pixel="):
         read_map(path)
     np.testing.assert_array_equal(read_map(path, metres_per_pixel=3).heights, blocks())
-    with pytest.raises(MapError, match="no place on Earth"):
+    with pytest.raises(MapError, match="no coordinate reference system"):
         read_map(path, metres_per_pixel=3, center=(0, 0))
 
 

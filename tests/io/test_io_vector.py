@@ -549,7 +549,7 @@ def test_cityjson_without_a_reference_system_lies_nowhere(tmp_path, metadata):
     assert (city.crs, city.origin, city.height_rules) == (None, None, {"solid": 1})
     assert (city.heights[10:30, 10:30] == 9).all()
     assert city.built.sum() == 400
-    with pytest.raises(MapError, match="no place on Earth, so center="):
+    with pytest.raises(MapError, match="no coordinate reference system, so center="):
         read_map(path, center=(LON, LAT))
     del document["metadata"]
     path.write_text(json.dumps(document))

@@ -198,7 +198,7 @@ def test_a_line_is_placed_by_degrees_or_metres():
     here = place_line(line, degrees, 100.0, lyon, "EPSG:2154", "a")
     assert degrees
     assert np.abs(here).max() < 5000
-    with pytest.raises(MapError, match="no place on Earth"):
+    with pytest.raises(MapError, match="no position in a reference system"):
         place_line(line, degrees, 100.0, None, None, "a")
     with pytest.raises(MapError, match="outside the window"):
         cut_to_window(np.array([[200.0, 0], [300, 50]]), 100.0, "river.geojson")

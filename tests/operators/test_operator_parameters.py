@@ -16,8 +16,17 @@ from evocity.operators import registry as operator_registry
 EVERY = {name: [field.name for field in fields(kind)] for name, kind in OPERATORS.items()}
 FLOATS = {"fill", "margin", "tolerance", "repair", "share", "blend", "sigma_step", "beta_step"}
 FLOATS |= {"sigma", "beta", "x", "y", "dx", "dy", "iso", "rate", "change", "cut", "alike"}
-FLOATS |= {"side_min", "side_max", "grain_side", "group_side", "area_max", "area_min"}
-FLOATS |= {"storey", "highest", "spread", "density", "facades", "widened", "repeats"}
+FLOATS |= {"side_min", "side_max", "grain_side", "group_side", "area_max", "area_min", "halved_min"}
+FLOATS |= {
+    "storey",
+    "highest",
+    "spread",
+    "density",
+    "facades",
+    "widened",
+    "repeats",
+    "neighbourhood",
+}
 TRUTHS = {"void", "isometries", "choose", "stepwise"}
 
 

@@ -16,7 +16,7 @@ from evocity.errors import OperatorError
 from evocity.genome import VOID, Genome, unpacked
 from evocity.operators import PlanFusion, make
 from evocity.operators.crossover import raw_heights
-from evocity.operators.plans import FaceGene, lay, plan_of
+from evocity.operators.plans import FaceGene, lay, plan_key, plan_of
 from evocity.operators.plans.laying import Lot, places_of
 from evocity.recipe.mixture import operator_of
 
@@ -48,7 +48,8 @@ def test_genes_replay_the_intended_map(sources, whole):
     host, lyon = (decoded(one).city for one in sources)
     genes = genes_of(child.made)
     plan = plan_of(host)
-    assert len(genes) == child.made["faces"] >= 3
+    assert len({gene.face for gene in genes}) == child.made["faces"] >= 3
+    assert len(genes) == child.made["faces"] + sum(gene.part == 2 for gene in genes)
     heights = lay(plan, genes, {"lyon-1er": lyon})
     changed = np.isin(plan.lots, [gene.face for gene in genes])
     assert np.array_equal(draft.intended[changed], heights[changed])
@@ -68,7 +69,7 @@ def test_stones_are_those_of_the_place(sources, whole):
     child, host = draft.genome, decoded(sources[0]).city
     city, row, column = stones_of_pixels(child)
     names = np.array(child.cities)
-    for gene in genes_of(draft.made):
+    for gene in [gene for gene in genes_of(draft.made) if not gene.part]:
         lot = Lot(plan_of(host), gene.face)
         built = draft.intended[lot.window][lot.mask] > 1.5
         here = lot.rows[built] + lot.window[0].start, lot.columns[built] + lot.window[1].start
@@ -200,7 +201,7 @@ RUN = """
 [run]
 seed = 5
 population = 6
-generations = 1
+generations = 3
 [map]
 pixels = 80
 [genome]
@@ -212,6 +213,9 @@ map = "new-york-west-village"
 map = "lyon-1er"
 [operators]
 plan_fusion = { weight = 3, area_min = 100.0, draws = 60 }
+plan_crossing = { weight = 3, area_min = 100.0, draws = 60 }
+plan_spread = 1
+plan_storeys = { weight = 1, faces = { from = 1, to = 4 } }
 [[fitness]]
 name = "fsi"
 goal = "max"
@@ -232,9 +236,11 @@ def test_a_search_breeds_by_it_and_is_replayed(tmp_path):
             pass
     run = evocity.open_run(tmp_path / "run")
     births = run.births().to_pylist()
-    bred = [one["id"] for one in births if one["operator"] == "plan_fusion"]
-    assert len(bred) == 6
-    sources = {gene.source for id in bred for gene in genes_of(run[id].genome.made)}
+    bred = [one["id"] for one in births if one["operator"] and "plan_" in one["operator"]]
+    assert {one["operator"] for one in births} >= {"plan_fusion", "plan_crossing"}
+    made = [run[id].genome.made for id in bred]
+    sources = {gene.source for one in made for gene in genes_of(one)}
     assert sources
     assert sources <= {"lyon-1er", "new-york-west-village"}
-    assert all(one.same for one in evocity.replay(tmp_path / "run", bred[-2:]))
+    assert {plan_key(one) for one in made} <= {"lyon-1er", "new-york-west-village"}
+    assert all(one.same for one in evocity.replay(tmp_path / "run", bred[-6:]))

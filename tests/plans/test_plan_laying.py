@@ -14,16 +14,32 @@ from towns import draw_town
 import evocity
 from evocity.citymap import CityMap
 from evocity.errors import MapError
-from evocity.operators.plans import FaceGene, fill_face, lay, plan_of
-from evocity.operators.plans._kernels import count_built
+from evocity.operators.plans import (
+    FaceGene,
+    fill_face,
+    fill_halves,
+    lay,
+    plan_of,
+    storey_range,
+)
+from evocity.operators.plans._kernels import (
+    drop_pieces,
+    fill_gaps,
+    improve_candidates,
+    sample_polygons,
+    score_candidates,
+)
 from evocity.operators.plans.donor import donor_of
-from evocity.operators.plans.fill import _draw
+from evocity.operators.plans.fill import _draw, _gene
 from evocity.operators.plans.laying import (
+    _SHIFTS,
     LEAST_PIECE,
     LEAST_SHARE,
+    SLENDER,
     Lot,
     _sample,
     lay_piece,
+    lot_of,
     places_of,
 )
 
@@ -68,7 +84,7 @@ def test_filled_faces_keep_coverage_and_front(cities, filled):
         assert abs(built.mean() - plan.coverage[gene.face - 1]) <= 0.2
         assert built[lot.strip].mean() >= plan.front[gene.face - 1] - 0.1
         assert 0.88 <= gene.scale <= 1.15
-        assert set(np.unique(heights)) <= set(donor_of(cities[1]).heights)
+        assert set(np.unique(heights)) <= set(gene.clamp(donor_of(cities[1]).heights))
 
 
 def test_cut_buildings_are_large_and_nothing_else_cuts(cities, filled):
@@ -82,13 +98,21 @@ def test_cut_buildings_are_large_and_nothing_else_cuts(cities, filled):
         result[lot.mask] = heights
         for number in np.unique(sampled[sampled > 0]):
             parts, count = scipy.ndimage.label(sampled == number)
-            whole = donor.areas[number] * gene.scale**2
+            whole = donor.areas[number] * gene.stretch
+            height = gene.clamp(donor.heights)[number]
             here = (sampled == number).sum() * pixel**2
             for part in range(1, count + 1):
                 size = (parts == part).sum() * pixel**2
-                stands = result[parts == part] == donor.heights[number]
-                if here >= 0.95 * whole or (here >= LEAST_SHARE * whole and size >= LEAST_PIECE):
+                stands = result[parts == part] == height
+                if here >= 0.95 * whole:
                     assert stands.all()  # whole inside the lot
+                elif here >= LEAST_SHARE * whole and size >= LEAST_PIECE:
+                    square = np.ones((math.ceil(SLENDER / pixel),) * 2)
+                    thick = scipy.ndimage.binary_opening(parts == part, square)
+                    if thick.sum() * pixel**2 >= LEAST_PIECE and scipy.ndimage.label(thick)[1] == 1:
+                        assert (result[thick] == height).all()
+                    elif not thick.any() and size >= 2 * LEAST_PIECE:
+                        assert not stands.all()
 
 
 @settings(max_examples=20, deadline=None)
@@ -132,35 +156,36 @@ def shape_at(x, y):
     )
 
 
-def test_candidates_see_the_places_of_their_genes(cities):
-    plan = plan_of(cities[0])
-    lot, donor = Lot(plan, 5), donor_of(cities[1])
-    candidates = _draw(plan, 5, donor, 9, (0.88, 1.15), np.random.default_rng(0))
-    turns = candidates.turns(2.0)
-    for k in range(9):
-        own = places_of(lot, candidates.gene(k, 5, "x"), cities[1])
-        rows = candidates.row[k] + turns[k, 0] * lot.down + turns[k, 1] * lot.along
-        columns = candidates.column[k] + turns[k, 2] * lot.down + turns[k, 3] * lot.along
-        np.testing.assert_allclose(own, (rows, columns), atol=1e-6)
-
-
-def test_the_kernel_counts_as_its_naive_twin(cities):
+def test_the_kernels_of_candidates_score_as_their_naive_twin(cities):
     rng = np.random.default_rng(2)
     plan, donor = plan_of(cities[0]), donor_of(cities[1])
-    lot, used = Lot(plan, 5), rng.random(cities[1].shape) < 0.3
+    lot, used = Lot(plan, 5), rng.random(cities[1].shape) < 0.005
     candidates = _draw(plan, 5, donor, 12, (0.88, 1.15), rng)
+    points = np.arange(0, lot.down.size, 40)
     arguments = (
-        donor.numbers, used, 2.0 / donor.step, lot.down[::40], lot.along[::40], 9,
-        candidates.row, candidates.column, candidates.turns(2.0),
+        donor.built, used, 2.0, donor.step, lot.down[points], lot.along[points], 20, 0.6, 0.1, 0.2,
     )  # fmt: skip
-    counts = np.empty((12, 4), np.int64)
-    count_built(*arguments, counts)
-    truth = naive.count_built(*arguments)
-    assert np.array_equal(counts[:, 3], truth[:, 3])
-    inside = counts[:, 3] == 0
-    assert inside.any()
-    assert not inside.all()
-    assert np.array_equal(counts[inside], truth[inside])
+    scores = np.empty(12)
+    score_candidates(*arguments, candidates, scores)
+
+    def true_score(candidate):
+        return naive.score_candidate(_gene(candidate, 5, "x"), *arguments)
+
+    truth = [true_score(candidate) for candidate in candidates]
+    assert scores == pytest.approx(truth)
+    assert np.isfinite(scores).any()
+    assert not np.isfinite(scores).all()
+    moves = np.array([(0.0, 0.0), (1.0, 0.0)])
+    trials = np.array([(0.0, 0.0, 1.0), (0.0, 1.0, 0.5), (0.0, 0.0, 1.1)])
+    better = candidates.copy()
+    improve_candidates(*arguments, better, moves, trials, 0.88, 1.15)
+    for old, new in zip(candidates, better, strict=True):
+        moved = max((old + np.array([*move, 0, 0, 0, 0]) for move in moves), key=true_score)
+        sized = [moved + np.array([*way, 0, 0, 0, 0]) for *way, _ in trials]
+        for one, (*_, size) in zip(sized[1:], trials[1:], strict=True):
+            one[4] = np.clip(one[4] * size, 0.88, 1.15)
+        best = max(sized, key=true_score)
+        np.testing.assert_allclose(new, best)
 
 
 def test_walls_at_half_a_metre_are_the_buildings(cities):
@@ -183,6 +208,117 @@ def test_pixels_of_any_size_make_a_donor(pixel):
     plan = plan_of(town)
     assert plan.area.sum() == pytest.approx((plan.labels > 0).sum() * pixel**2)
     fill_face(plan, 1, town, np.random.default_rng(0), draws=5)
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    angle=st.floats(0, 7),
+    mirror=st.booleans(),
+    scale=st.floats(0.88, 1.15),
+    axis=st.none() | st.floats(0, 4),
+)
+def test_the_sampling_kernel_counts_as_its_naive_twin(seed, angle, mirror, scale, axis):
+    plan, source = plan_of(draw_town(seed, side=64)), draw_town(seed + 1, side=64)
+    gene = FaceGene(1, "other", 30.3, 31.7, angle, mirror, scale, axis)
+    lot, donor = Lot(plan, 1), donor_of(source)
+    assert np.array_equal(_sample(lot, gene, donor), naive.sample_polygons(lot, gene, donor))
+    assert sample_polygons.__doc__
+
+
+@settings(max_examples=25, deadline=None)
+@given(axis=st.floats(0, 4), scale=st.floats(0.5, 2), angle=st.floats(0, 7), mirror=st.booleans())
+def test_a_scale_with_an_axis_acts_along_it_only(axis, scale, angle, mirror):
+    gene = FaceGene(1, "x", 0.0, 0.0, angle, mirror, scale, axis)
+    assert math.hypot(*gene.offsets(math.sin(axis), math.cos(axis))) == pytest.approx(1 / scale)
+    assert math.hypot(*gene.offsets(math.cos(axis), -math.sin(axis))) == pytest.approx(1)
+    assert gene.stretch == scale
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 10**6), low=st.floats(0, 20), more=st.floats(2, 20))
+def test_heights_keep_to_the_range_of_their_gene(seed, low, more):
+    host, source = draw_town(seed, side=64), draw_town(seed + 1, side=64)
+    plan, free = plan_of(host), FaceGene(1, "other", 30.3, 31.7, 0.4)
+    gene = FaceGene(1, "other", 30.3, 31.7, 0.4, lowest=low, highest=low + more)
+    before, after = lay(plan, [free], {"other": source}), lay(plan, [gene], {"other": source})
+    mine = plan.lots == 1
+    assert np.array_equal(before > 0, after > 0)
+    expected = np.clip(before[mine], np.float32(low), np.float32(low + more))
+    assert np.array_equal(after[mine], np.where(before[mine] > 0, expected, 0))
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 10**6), angle=st.floats(0, 7), other=st.floats(0, 7))
+def test_the_line_between_halves_cuts_no_building(seed, angle, other):
+    host, source = draw_town(seed, side=96), draw_town(seed + 1, side=96)
+    plan, donor = plan_of(host), donor_of(source)
+    genes = [
+        FaceGene(1, "other", 40.3, 51.7, angle, part=1),
+        FaceGene(1, "other", 60.0, 31.0, other, True, 0.9, part=2),
+    ]
+    heights = lay(plan, genes, {"other": source})
+    assert heights.tobytes() == lay(plan, genes[::-1], {"other": source}).tobytes()
+    assert np.array_equal(heights[plan.lots != 1], host.heights[plan.lots != 1])
+    lot = lot_of(plan, 1)
+    assert (lot.side(1) ^ lot.side(2)).all()
+    standing = np.zeros(lot.down.size, bool)
+    for gene in genes:
+        whole, side = _sample(lot, gene, donor), lot.side(gene.part)
+        laid = lay_piece(lot, gene, donor, standing=standing) > 0
+        assert not (laid & standing).any()
+        for number in np.unique(whole[whole > 0]):
+            here = whole == number
+            if here.sum() * plan.metres_per_pixel**2 >= 0.95 * donor.areas[number] * gene.stretch:
+                inside = (here & side).sum() * 2
+                stands = inside >= here.sum() if gene.part == 2 else inside > here.sum()
+                if stands and not (here & standing).any():
+                    assert laid[here].all()
+        standing |= laid
+
+
+def test_two_places_fill_the_halves_of_large_faces(cities):
+    host, source = cities
+    plan, rng, count = plan_of(host), np.random.default_rng(4), 0
+    for face in range(1, 25):
+        result = fill_halves(plan, face, (source, source), rng)
+        if result is None:
+            continue
+        genes, own = result
+        count += 1
+        heights = lay(plan, genes, {"lyon-1er": source})
+        assert np.array_equal(heights[plan.lots == face], own)
+        lot, former = lot_of(plan, face), host.heights[plan.lots == face] > 1
+        for part in (1, 2):
+            side = lot.side(part)
+            assert abs((own[side] > 0).mean() - former[side].mean()) <= 0.2
+            strip = side & lot.strip
+            assert (own[strip] > 0).mean() >= former[strip].mean() - 0.1
+    assert count >= 2
+
+
+def test_no_tower_stands_among_houses(cities):
+    host, source = cities
+    towers = CityMap(source.heights * 5, 2.0, name="towers")
+    plan = plan_of(host)
+    for face in range(1, len(plan) + 1):
+        result = fill_face(plan, face, towers, np.random.default_rng(face), draws=40)
+        if result is not None:
+            low, high = storey_range(plan, face)
+            built = result[1][result[1] > 0]
+            assert low - 1e-3 <= built.min()
+            assert built.max() <= high + 1e-3
+    with pytest.raises(MapError, match="face = 0"):
+        storey_range(plan, 0)
+    bare = np.zeros(host.shape, np.float32)
+    assert storey_range(plan, 1, bare) is None
+
+
+def test_genes_of_older_files_have_no_limits():
+    old = {"face": 1, "source": "x", "row": 1.0, "column": 2.0, "angle": 0.5, "mirror": True}
+    gene = FaceGene(**old, scale=1.1)
+    assert (gene.axis, gene.lowest, gene.highest, gene.part) == (None, None, None, 0)
+    assert gene.stretch == pytest.approx(1.21)
 
 
 def test_used_places_are_left_alone(cities):
@@ -236,9 +372,15 @@ def test_sources_may_have_other_pixels(cities):
         (FaceGene(0, "lyon-1er", 9, 9, 0.0), "face 0"),
         (FaceGene(999, "lyon-1er", 9, 9, 0.0), "face 999"),
         (FaceGene(1, "paris", 9, 9, 0.0), "source city paris"),
-        (FaceGene(1, "lyon-1er", 900.0, 9, 0.0), "place"),
+        (FaceGene(1, "lyon-1er", 900.0, 9, 0.0), "the gene copies from row"),
         (FaceGene(1, "lyon-1er", 9, 9, math.nan), "angle"),
         (FaceGene(1, "lyon-1er", 9, 9, 0.0, scale=0.0), "scale = 0"),
+        (FaceGene(1, "lyon-1er", 9, 9, 0.0, axis=math.inf), "axis = "),
+        (FaceGene(1, "lyon-1er", 9, 9, 0.0, part=3), "part = 3"),
+        (FaceGene(1, "lyon-1er", 9, 9, 0.0, lowest=9.0, highest=6.0), "lowest = 9"),
+        (FaceGene(1, "lyon-1er", 9, 9, 0.0, highest=0.0), "highest = 0"),
+        (FaceGene(1, "lyon-1er", 9, 9, 0.0, lowest=math.nan), "lowest = "),
+        (FaceGene(1, "lyon-1er", 9, 9, 0.0, part=2), "part 2 of face 1"),
     ],
 )
 def test_genes_that_do_not_suit_are_refused(cities, gene, words):
@@ -248,10 +390,30 @@ def test_genes_that_do_not_suit_are_refused(cities, gene, words):
 
 def test_two_genes_of_a_face_are_refused(cities):
     gene = FaceGene(1, "lyon-1er", 9, 9, 0.0)
-    with pytest.raises(MapError, match="two genes name face 1"):
+    with pytest.raises(MapError, match="two genes are for face 1"):
         lay(plan_of(cities[0]), [gene, gene], {"lyon-1er": cities[1]})
 
 
 def test_a_face_that_the_plan_has_not_is_refused(cities):
-    with pytest.raises(MapError, match="face = 0"):
+    with pytest.raises(MapError, match="no face with the number 0"):
         fill_face(plan_of(cities[0]), 0, cities[1], np.random.default_rng(0))
+
+
+@settings(max_examples=12, deadline=None)
+@given(seed=st.integers(0, 10**6), width=st.integers(2, 4), part=st.integers(0, 2))
+def test_the_kernels_of_laying_do_as_their_naive_twins(seed, width, part):
+    town, rng = draw_town(seed, side=28), np.random.default_rng(seed)
+    plan = plan_of(town)
+    lot, table = lot_of(plan, 1), town.buildings
+    numbers = np.where(plan.lots == 1, np.roll(table.labels, rng.integers(12, size=2), (0, 1)), 0)
+    numbers = np.ascontiguousarray(numbers[lot.window]) * (rng.random(lot.mask.shape) < 0.97)
+    areas = np.concatenate([[0], table.area]) * rng.uniform(0.5, 1.5)
+    arguments = areas, 2.0, 0.95, 0.5, 6.0, width, 3
+    dropped = numbers.copy()
+    drop_pieces(dropped, *arguments)
+    assert np.array_equal(dropped, naive.drop_pieces(numbers, *arguments))
+    ring = lot.ring
+    where = lot.rows[ring], lot.columns[ring], lot.ring_inward, lot.side(part)[ring]
+    grown = numbers.copy()
+    fill_gaps(grown, *where, _SHIFTS, 4.0, 0.8)
+    assert np.array_equal(grown, naive.fill_gaps(numbers, *where, 5.5, 4.0, 0.8))

@@ -130,5 +130,5 @@ def test_numbers_without_end_and_depth_without_end_are_no_tables(tmp_path):
     long = TWO_CLASSES.replace("below = 6", "below = 1" + "0" * 400)
     with pytest.raises(MapError, match="numbers, 0 or more"):
         ClassTable.of(long)
-    with pytest.raises(MapError, match="more than 32 parts"):
+    with pytest.raises(MapError, match="more than 32 dotted parts"):
         ClassTable.of("x = " + "[" * 5000)

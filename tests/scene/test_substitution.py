@@ -252,7 +252,7 @@ FAULTS = {
     "height above 1 km": ({"height": [6.0, 1001.0]}, "object b: the height 1001"),
     "no number": ({"height": ["6", "high"]}, "object b: the height high"),
     "degrees": ({"crs": "EPSG:4326"}, "footprints are in degree"),
-    "another layer": ({"layer": "things"}, "no layer objects"),
+    "another layer": ({"layer": "things"}, "no layer 'objects'"),
     "a path outside": (
         {"path": ["", "../secret.glb"]},
         "object b has the mesh file '../secret.glb'",

@@ -206,5 +206,5 @@ def test_a_strangers_provenance_is_said(tmp_path):
 
 
 def test_no_generation_is_said(tmp_path):
-    with pytest.raises(RunError, match="no whole generation"):
+    with pytest.raises(RunError, match="no complete generation"):
         evocity.archive(write_run(tmp_path / "run", [], [{"goal": "max"}]))

@@ -126,13 +126,13 @@ def test_a_run_goes_on_as_if_it_had_not_stopped(toy, tmp_path):
 def test_nothing_can_be_picked(toy, tmp_path):
     out = tmp_path / "run"
     run(recipe_of(toy, generations=1), out, workers=0)
-    with pytest.raises(RunError, match="cma chooses its parents by itself"):
+    with pytest.raises(RunError, match="cma chooses all parents"):
         commands.send(out, Pick(ids=(1,)))
     with Search.resume(out, workers=0, generations=2) as search:
         search.pick([2])
         list(search)
     refused = [one for one in open_run(out).events() if one["event"] == "command refused"]
-    assert "by itself" in refused[0]["reason"]
+    assert "chooses all parents" in refused[0]["reason"]
 
 
 def test_fields_that_cannot_be_are_faults(toy):

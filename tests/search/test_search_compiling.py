@@ -26,7 +26,7 @@ def notes(tmp_path, monkeypatch):
 def test_a_recipe_names_the_parts_that_it_calls(toy):
     parts = compilation.kernel_parts(read_recipe("demo"))
     assert parts[0] == kernel_warmup.SEARCH
-    assert {"fit", "decode", "operator:quarter_fusion", "measure:crumbs"} <= set(parts)
+    assert {"fit", "decode", "operator:plan_fusion", "measure:crumbs"} <= set(parts)
     assert not {"views", "operator:gene_copy", "measure:street_width", "search everywhere"} & {
         *parts
     }

@@ -57,12 +57,13 @@ STRANGE = {
     ),
     "tuple keys": (
         lambda g: g.replace(made={(1, 2): "a"}),
-        r"the record `made` of a birth cannot be written as JSON \(TypeError: keys must be",
+        "the record of a birth, with the key 'made', cannot be written as JSON "
+        r"\(TypeError: keys must be",
         "a dictionary with texts as keys",
     ),
     "lone surrogate": (
         lambda g: g.replace(made={"name": "\ud800"}),
-        "the record `made` of a birth cannot be written as JSON",
+        "the record of a birth, with the key 'made', cannot be written as JSON",
         "a dictionary with texts as keys",
     ),
     "both": (

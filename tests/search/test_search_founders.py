@@ -121,7 +121,7 @@ def some(city):
     [
         ("pixels = 64", "pixels = 32", "64 × 64 px of 2 m(.|\n)*32 × 32 px of 2 m"),
         ("metres_per_pixel = 2.0", "metres_per_pixel = 1.0", "of 2 m(.|\n)*of 1 m"),
-        ("[genome]", "[genome]\nsigma_max = 0.01", "sigma_max to 0.9"),
+        ("[genome]", "[genome]\nsigma_max = 0.01", "up to 0.9"),
     ],
 )
 def test_genomes_of_another_window_or_cap_are_refused(evening, tmp_path, old, new, says):

@@ -11,6 +11,7 @@ from evocity import fitness
 from evocity.coding import decode
 from evocity.errors import RecipeError, RunError
 from evocity.fitness import Constraint, Measure
+from evocity.recipe.mixture import plan_operators
 from evocity.report import unrecorded, write_report
 from evocity.search import Search, archive, read_recipe
 from evocity.search.preparation.constraints import ParentConstraint, describe_unkept, round_bound
@@ -225,5 +226,12 @@ def test_the_demonstration_has_a_guard_that_its_parents_keep():
     assert guard == {
         "integrity": (0.5, None),
         "fabric_distance": (None, 0.15),
-        "slivers": (None, 0.22),
+        "street_distance": (None, 0.1),
+        "repetition": (None, 0.01),
+        "smallest_share": (0.25, None),
+        "slivers": (None, 0.254),
+        "small_buildings": (None, 1.78),
+        "gsi": (0.179, 0.668),
+        "fsi": (0.682, 5.44),
     }
+    assert dict(recipe.operators) == plan_operators()

@@ -57,7 +57,7 @@ def test_a_run_is_told_measured_and_read_again(run):
                 assert same or all(kept)
                 assert sum(kept) >= len(kept) - 1
     else:
-        with pytest.raises(RunError, match=f"genomes of the kind {kind} have no source cities"):
+        with pytest.raises(RunError, match=f"a genome of the kind '{kind}' has no cities"):
             one.ancestry()
     with pytest.raises(RunError, match="zoom"):
         one.picture(zoom=2)
@@ -171,7 +171,9 @@ def test_a_river_outside_the_window_is_named(tmp_path):
     (tmp_path / "shore.geojson").write_text(
         json.dumps({"type": "LineString", "window": True, "coordinates": [[500, 0], [600, 9]]})
     )
-    with pytest.raises(evocity.errors.MapError, match=r"shore\.geojson lies outside the window"):
+    with pytest.raises(
+        evocity.errors.MapError, match=r"shore\.geojson lies outside the window, a square"
+    ):
         bred(recipe, tmp_path / "run")
     assert not (tmp_path / "run").exists()
 

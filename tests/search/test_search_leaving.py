@@ -277,8 +277,12 @@ def changed(path, column, value, operator="mutation"):
 @pytest.mark.parametrize(
     ("column", "value", "says"),
     [
-        ("generator", lambda old: bytes(16) + old[16:], "differs when mutation breeds it again"),
-        ("genome", lambda old: "0" * 32, "differs when mutation breeds it again"),
+        (
+            "generator",
+            lambda old: bytes(16) + old[16:],
+            "gets a different genome when the operator mutation",
+        ),
+        ("genome", lambda old: "0" * 32, "gets a different genome when the operator mutation"),
         ("settings", lambda old: '{"rate": 7}', "cannot be bred again"),
         ("settings", lambda old: "[", "cannot be bred again"),
         ("operator", lambda old: "nobody", "cannot be bred again"),

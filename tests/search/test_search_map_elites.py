@@ -373,7 +373,7 @@ def test_other_runs_stay_as_they_were(toy, tmp_path):
     assert "algorithm" not in log.history()[0]
     assert log.status()["algorithm"] == {}
     assert grid_of_run(log) is None
-    with pytest.raises(RunError, match="has no grid, and no grid was given"):
+    with pytest.raises(RunError, match="has no grid, and the call gives no grid"):
         binned(log)
     with pytest.raises(RunError, match="2 goals"):
         binned(log, GRID)

@@ -8,10 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evocity import operators
+from evocity import Recipe, operators
 from evocity.operators import OPERATORS
 from evocity.recipe.mixture import operator_of
-from evocity.search import read_recipe
 from evocity.search.breeding.plans import Guidance, birth_generator, child_plans
 from evocity.selection.algorithms.algorithm import tournament
 
@@ -30,7 +29,8 @@ class Someone:
 
 
 def test_operators_are_those_that_numpy_chooses_by_weight():
-    recipe = read_recipe("demo")
+    cities = ["lyon-1er", "montpellier-pas-du-loup"]
+    recipe = Recipe(parents=cities, fitness=["alignment"], run={"population": 48})
     living = [Someone(k) for k in range(4)]
     weights = {"relocation": 0.0, "height_scaling": 3.5}
     mixture = {name: one.weight for name, one in recipe.operators.items()} | weights

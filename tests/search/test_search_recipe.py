@@ -175,7 +175,7 @@ def test_the_largest_side_divides_the_map(toy, block):
         ("distinkt = 0.5", "unknown key, did you mean distinct?"),
         (
             "algorithm = 'nsga2'\ngrid = [2, 2]",
-            "allowed: algorithm, picks, adapt, window, distinct, apart",
+            "allowed: algorithm, picks, adapt, mates, window, distinct, apart",
         ),
     ],
 )
@@ -188,7 +188,8 @@ def test_keys_of_the_search_are_those_of_its_algorithm(toy, lines, says):
 def test_the_algorithm_has_its_keys(toy):
     search = read_recipe(toy()).search
     common = {"algorithm": "hypervolume", "picks": 0.5, "adapt": False, "window": None}
-    assert search.settings == common | {"distinct": 0.5, "apart": 0.25}
+    niches = {"mates": 0.0, "per_plan": 0, "source_plans": 0.0, "twins": 0.0}
+    assert search.settings == common | niches | {"distinct": 0.5, "apart": 0.25}
     lines = "[search]\nalgorithm = 'nsga2'\ndistinct = 0\n[[fitness]]"
     search = read_recipe(replaced(toy(), "[[fitness]]", lines, count=1)).search
     assert (search.keys.distinct, search.keys.apart) == (0, 0.25)
@@ -234,7 +235,7 @@ def test_files_that_are_no_recipe(tmp_path):
     with pytest.raises(RecipeError, match="not valid TOML"):
         read_recipe(tmp_path / "bad.toml")
     (tmp_path / "bad.toml").write_text("a = " + 5000 * "[")
-    with pytest.raises(RecipeError, match="path of more than 32 parts"):
+    with pytest.raises(RecipeError, match="of more than 32 dotted parts"):
         read_recipe(tmp_path / "bad.toml")
     (tmp_path / "bad.toml").write_text("a = " + 5000 * "9")
     with pytest.raises(RecipeError, match="thousands of digits"):

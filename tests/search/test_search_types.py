@@ -94,8 +94,11 @@ def test_a_run_goes_on_by_the_table_it_kept(toy, tmp_path):
 @pytest.mark.parametrize(
     ("table", "says"),
     [
-        (TABLE.replace("from = 9", "from = 12"), "no type takes a building of"),
-        (TABLE.replace("below = 9", "below = 12"), "both low and high take a building of"),
+        (TABLE.replace("from = 9", "from = 12"), "no type includes a building of"),
+        (
+            TABLE.replace("below = 9", "below = 12"),
+            "the limits of low and of high both include a building of",
+        ),
         (None, "no table at"),
     ],
 )

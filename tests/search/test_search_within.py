@@ -95,7 +95,7 @@ def test_by_hand_all_is_measured_within_a_part_but_what_is_of_one_already(toy):
     assert "integrity cannot be limited" in found.error  # it asks for the genome of the whole
     found = Evaluator(prepared.setup).evaluate_within(genome, fitness.Part("disc", parts["disc"]))
     assert set(found.values) == {"gsi", "gsi@quarter", "gsi@disc"}
-    assert "spread cannot be limited to disc, because this part is not a rectangle" in found.error
+    assert "spread cannot be limited to disc: this part of the map is" in found.error
 
 
 @pytest.mark.slow
@@ -254,7 +254,7 @@ def test_measures_that_cannot_tell_a_part_are_refused_before_the_run(toy, tmp_pa
     goals = "[[fitness]]\nname = 'lacunarity'\ngoal = 'max'\nwithin = '{}.npy'\n"
     path = parted(toy, goals.format("disc"))
     with pytest.raises(
-        RecipeError, match=r"fitness\[1\]: lacunarity cannot be limited to disc.npy, because"
+        RecipeError, match=r"fitness\[1\]: lacunarity cannot be limited to disc.npy: this part"
     ):
         Search(read_recipe(path), tmp_path / "run", workers=0).ask()
     assert not (tmp_path / "run").exists()

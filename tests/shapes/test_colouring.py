@@ -116,7 +116,7 @@ def test_mirrored_pieces_are_seen_from_outside():
         (lambda: coloured_as(QUARTERS, known("koch")), "has no colours"),
         (lambda: coloured_as(known("carpet"), palette(np.zeros((2, 2, 3)))), "of 8 affine maps"),
         (lambda: stolen(known("menger"), QUARTERS, PICTURE), "is not two-dimensional"),
-        (lambda: stolen(known("carpet"), QUARTERS, PICTURE), "the source has 4 affine maps"),
+        (lambda: stolen(known("carpet"), QUARTERS, PICTURE), "the source shape has 4 affine maps"),
         (lambda: glb_of(known("koch"), 2), "has no faces"),
         (lambda: glb_of(known("menger"), 5), "triangles"),
     ],

@@ -86,7 +86,7 @@ def test_polygons_are_products_of_maps(seed, depth):
             lambda: Curve([(0, 0), (1, 0)], np.ones((2, 3, 3))),
             "the maps for 2 control points have the shape",
         ),
-        (lambda: Curve([(0, 0), (1, 0)], np.ones((2, 2, 2))), "sums to 2"),
+        (lambda: Curve([(0, 0), (1, 0)], np.ones((2, 2, 2))), "differs from 1 by 1"),
         (lambda: Curve([(0, 0), (np.nan, 0)], np.ones((2, 2, 2)) / 2), "not finite"),
         (lambda: Curve([(0, 0), (1, 0)], [[[3, 0], [-2, 1]], [[1, 0], [0, 1]]]), "radius is 3"),
         (lambda: Curve.four_point([(0, 0)] * 5), "5 points"),

@@ -174,7 +174,7 @@ ONE = Detailed.of(rough(25, 1), bezier_maps(4, 2))
         (lambda: Detailed.of([(0, 0, 0), (1, 1, 1)], bezier_maps(4, 2), 2), "shape"),
         (lambda: Detailed.of(rough(26, 1), bezier_maps(4, 2)), "a line of 26 points"),
         (lambda: Detailed.of(rough(26, 1), bezier_maps(4, 2), 40), "depth = 40"),
-        (lambda: Detailed.of(rough(26, 1), np.ones((2, 4, 4)), 2), "sums to 4"),
+        (lambda: Detailed.of(rough(26, 1), np.ones((2, 4, 4)), 2), "differs from 1 by 3"),
         (
             lambda: Detailed.of(rough(9, 1), Curve.b_spline(rough(4, 0)).maps, 2, shared=True),
             "neighbouring parts of the curve do not meet",

@@ -109,7 +109,7 @@ def test_a_level_has_words_of_one_length():
     ("fault", "says"),
     [
         (lambda: Language(np.zeros((2, 2))), "the table of the language has the shape"),
-        (lambda: Language(np.array([[5]])), "a missing state, 5"),
+        (lambda: Language(np.array([[5]])), "the state 5, which does not exist"),
         (lambda: Language(np.array([[0]]), np.array([True, False])), "'accepting' has the shape"),
         (lambda: Language.every(2) | Language.every(3), "the languages have 2 and 3 letters"),
         (lambda: Language.every(2) @ Language.every(3), "the languages have 2 and 3 letters"),

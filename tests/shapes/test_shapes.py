@@ -259,7 +259,7 @@ def test_what_is_not_decided_is_warned_of():
         (lambda: Shape(HALVES, mix=1.0), "mix = 1.0"),
         (lambda: Shape(HALVES, language=Language.every(3)), "3 letters does not fit 4 affine maps"),
         (lambda: Shape(HALVES).pieces(12), "16777216 pieces"),
-        (lambda: Shape(HALVES).pieces(), "neither"),
+        (lambda: Shape(HALVES).pieces(), "both missing"),
         (lambda: Shape(HALVES).pieces(64), "depth = 64"),
         (lambda: Shape(HALVES).pieces(pixel=0.001, most=1000), "1001 pieces or more"),
         (
@@ -269,12 +269,12 @@ def test_what_is_not_decided_is_warned_of():
         (lambda: Shape.from_frames([]), "the frames of the shape are invalid"),
         (
             lambda: Primitive.of([(0, 0)], faces=[(0, 1, 2)]),
-            "a missing point in the faces: 2",
+            "the list of faces contains a missing point, number 2",
         ),
         (lambda: picture_of(known("menger")), "the shape is not two-dimensional"),
         (lambda: known("kock"), "did you mean koch"),
         (lambda: mask_of(known("koch"), 4), "side = 4"),
-        (lambda: boxes_of(np.zeros((512, 512))), "0 of them filled"),
+        (lambda: boxes_of(np.zeros((512, 512))), "0 cells are filled"),
     ],
 )
 def test_what_cannot_be_is_told(fault, says):

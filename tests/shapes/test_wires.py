@@ -89,8 +89,8 @@ def test_pairs_are_told_where_numbers_differ():
     [
         (lambda: wire([0j]), "too few points, 1"),
         (lambda: wire([(0, 0, 0)]), "points have the shape"),
-        (lambda: wire([0j, 1], arcs=[(0, 2)]), "an arc joins a missing point"),
-        (lambda: wire([0j, 0.5, 1], flipped=[True]), "flipped has 1 values for 2 arcs"),
+        (lambda: wire([0j, 1], arcs=[(0, 2)]), "an arc joins a point that does not exist"),
+        (lambda: wire([0j, 0.5, 1], flipped=[True]), "'flipped' has 1 values for 2 arcs"),
         (lambda: wire([0j, 2, 1]), "map 0 does not contract: its spectral radius is 2"),
         (lambda: metamorphosis(known("koch"), known("menger")), "one shape is two-dimensional"),
         (
@@ -129,9 +129,12 @@ def test_a_shape_comes_back_from_its_file(tmp_path, name):
         ({"maps": "rm -rf"}, "the maps have the shape"),
         ({"maps": [[[1e999, 0, 0], [0, 0.5, 0]]]}, "not finite"),
         ({"maps": [[[2.0, 0, 0], [0, 0.5, 0]]]}, "spectral radius is 2"),
-        ({"primitive": 7}, "the primitive is invalid"),
+        ({"primitive": 7}, "the value of the key 'primitive' is invalid"),
         ({"primitive": {"points": "x"}}, "the points have the shape"),
-        ({"language": {"table": [[9] * 4], "accepting": [True]}}, "a missing state, 9"),
+        (
+            {"language": {"table": [[9] * 4], "accepting": [True]}},
+            "the state 9, which does not exist",
+        ),
         ({"language": {"table": [[0] * 4]}}, "values are not numbers"),
         ({"colours": [[0, 0, 9]] * 4}, "colours"),
         ({"mix": "half"}, "mix"),

@@ -136,6 +136,14 @@ def test_columns_are_those_the_documents_promise(writer):
     assert [int((sides.astype(int) ** 2).sum()) for sides in frame["side"]] == [16 * 24] * 2
 
 
+def test_what_a_footer_holds_twice_has_no_spaces(writer):
+    writer.write_generation(*generation_of(0))
+    for kind in ("births", "membership"):
+        about = pq.read_schema(writer.path / kind / "generation-00000000.parquet").metadata
+        for text in about.values():
+            assert text == json.dumps(json.loads(text), separators=(",", ":")).encode()
+
+
 def test_columns_of_an_older_run_stay_as_they_were(tmp_path):
     writer = RunWriter.create(tmp_path / "run", "", {}, OLDER, [])
     bred = [birth(0, slot, drawn=older_genome) for slot in range(2)]
@@ -184,7 +192,7 @@ def test_a_pedigree_is_all_that_an_individual_descends_from(writer):
 def test_a_run_is_read_while_it_is_written(writer):
     run = RunLog(writer.path)
     assert run.status()["generation"] is None
-    with pytest.raises(RunError, match="no whole generation"):
+    with pytest.raises(RunError, match="no complete generation"):
         run.births()
     for number in range(3):
         writer.write_generation(*generation_of(number))

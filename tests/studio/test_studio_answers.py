@@ -375,7 +375,10 @@ def test_picks_of_a_run_that_is_not_ones_own_are_kept_with_the_user(night, monke
 def test_a_damaged_file_of_picks_is_told_and_left(asked, night, text):
     (night / "picks.json").write_text(text)
     told = asked.post("/api/0/pick", {"change": "pick", "ids": [2]})
-    assert (told.status, "cannot read the picks" in told.json["error"]["found"]) == (409, True)
+    assert (told.status, "cannot read the picked births" in told.json["error"]["found"]) == (
+        409,
+        True,
+    )
     assert (night / "picks.json").read_text() == text
 
 

@@ -202,8 +202,8 @@ def test_one_birth_is_told_whole_and_strangers_texts_are_texts(opened, folder):
         until(page, "studio.run.birth.pedigree.nodes.length >= 4")
         nodes = page.locator(".evocity-pedigree .evocity-node")
         labels = nodes.evaluate_all("all => all.map((one) => one.ariaLabel)")
-        assert labels[0] == "birth 7, 0 steps before the selected birth"
-        assert "birth 0, left, 1 steps before the selected birth" in labels
+        assert labels[0] == "birth 7, 0 child-to-parent steps before the selected birth"
+        assert "birth 0, left, 1 child-to-parent steps before the selected birth" in labels
         page.get_by_role("button", name="ancestry").click()
         until(
             page,
@@ -407,7 +407,7 @@ def test_an_address_opens_what_it_holds_and_nothing_else(opened, folder):
         page = opened(server)
         page.get_by_label("order").select_option("crumbs")
         page.locator(".evocity-head").nth(1).click()
-        page.get_by_label("crumbs from, span 1").fill("3")
+        page.get_by_label("crumbs from, filter range 1").fill("3")
         page.keyboard.press("Tab")
         page.locator("[role=option]").nth(2).click()
         ids, held = shown_ids(page), page.url.partition("#")[2]
@@ -539,7 +539,7 @@ def test_new_births_wait_while_the_hand_is_at_a_filter(opened, folder):
     with running_server(folder) as server:
         page = opened(server)
         page.locator(".evocity-head").first.click()
-        field = page.get_by_label("gsi from, span 1")
+        field = page.get_by_label("gsi from, filter range 1")
         field.fill("0.1")
         grown(folder)
         time.sleep(0.55)
@@ -590,7 +590,7 @@ def test_children_are_bred_and_kept_by_keys_alone(opened, tmp_path):
             page, "studio.run.breed.children.filter((one) => one.stage === 'measured').length === 3"
         )
         until(page, "!studio.run.breed.isBusy")
-        page.locator("[aria-label^='child 1, pavement fusion, measured']").focus()
+        page.locator("[aria-label^='child 1, bred by pavement fusion, measured']").focus()
         keys.press("Enter")
         until(page, "studio.run.breed.image.naturalWidth > 0")
         assert "crumbs" in page.locator("#pane-0-breed .evocity-values").inner_text()

@@ -318,11 +318,11 @@ FAULTS = {
     "beyond 1": (table(("low", "roundness = { from = 1.5 }"), ("high", "")), "roundness"),
     "a gap": (
         table(("low", "height = { below = 3 }"), ("high", "height = { from = 4 }")),
-        "no class takes",
+        "no class includes",
     ),
     "a gap in one corner": (
         table(("low", "height = { below = 3 }"), ("wide", "area = { from = 9 }")),
-        "no class takes",
+        "no class includes",
     ),
     "an overlap": (
         table(TWO[0], ("lower", "height = { below = 2 }"), TWO[1]),
@@ -334,7 +334,7 @@ FAULTS = {
             ("large", "area = { from = 9 }"),
             ("low", "height = { below = 3 }"),
         ),
-        "earlier entries, 1 (small), 2 (large), take all its objects",
+        "earlier entries, 1 (small), 2 (large), include all objects of this entry",
     ),
     "twice the same": (table(TWO[1], ("again", "")), "entry 2, class again"),
     "what no object is": (

@@ -424,17 +424,17 @@ def test_every_street_is_of_one_kind(width, length):
     [
         ("kind = 3", "entries [[kind]]"),
         ("", "0 entries"),
-        ("[[kind]]\nname = 'a'\nwidth = { from = 3 }", "no kind takes a street of width"),
+        ("[[kind]]\nname = 'a'\nwidth = { from = 3 }", "no kind includes a street of width"),
         (
             "[[kind]]\nname = 'a'\nwidth = { below = 5 }\n"
             "[[kind]]\nname = 'b'\nwidth = { from = 6 }",
-            "no kind takes a street of width 5.5 m",
+            "no kind includes a street of width 5.5 m",
         ),
         (
             "[[kind]]\nname = 'a'\nwidth = { below = 5 }\n"
             "[[kind]]\nname = 'b'\nlength = { from = 6 }\n"
             "[[kind]]\nname = 'c'\nwidth = { from = 5 }\nlength = { below = 6 }",
-            "both a and b take a street of",
+            "the limits of a and of b both include a street of",
         ),
         ("[[kind]]\nname = 'a'\nheight = { from = 3 }", "height of entry 1, kind a"),
         ("[[kind]]\nname = 'a'\nwidth = { till = 3 }", "width = "),
@@ -444,8 +444,8 @@ def test_every_street_is_of_one_kind(width, length):
         ("[[kind]]\nwidth = { from = 3 }", "name = None"),
         ("[[kind]]\nname = 'a'\n[places]\nwidth = 3", "places in a table"),
         ("[[kind]]\nname = 'a'\n[place]\nwide = 3", "wide of [place]"),
-        ("[[kind]]\nname = 'a'\n[place]\nwidth = 0", "[place] has width = 0"),
-        ("[[kind]]\nname = 'a'\n[place]\nfilled = 2", "[place] has filled = 2"),
+        ("[[kind]]\nname = 'a'\n[place]\nwidth = 0", "[place] has the invalid value width = 0"),
+        ("[[kind]]\nname = 'a'\n[place]\nfilled = 2", "[place] has the invalid value filled = 2"),
         ("[[kind", "no TOML"),
     ],
 )

@@ -238,7 +238,8 @@ def individuals_of(sources: Sequence[str], identifiers: Sequence[int]) -> list[i
     runs = sum(is_run(source) for source in sources)
     if identifiers and len(identifiers) != runs:
         raise EvocityError(
-            f"the numbers of --id ({len(identifiers)}) and of run folders ({runs}) differ",
+            f"the number of --id options is {len(identifiers)}, but the number of run folders is "
+            f"{runs}",
             "one --id N for each run folder, in the order of the run folders",
             "write one --id for each run folder, or leave out --id if there is no run folder",
         )
@@ -283,7 +284,7 @@ def _encode_map(source: str, reading: Mapping[str, object], coding: Mapping[str,
         raise EvocityError(
             f"{source} is a folder, but not the folder of a run",
             "a genome file, a map file, the name of a bundled district, or a run folder with --id",
-            "name a file in this folder, or another folder",
+            "name a file in this folder, or name a run folder",
         )
     city = evocity.read_map(source, **reading)
     note_reading(city, reading)

@@ -140,12 +140,13 @@ MAP_OPTIONS = {
     ),
     "default_height": option(
         "--default-height",
-        "Height of buildings without a height in the file, in metres. [6.0]",
+        "Height in metres for buildings that have no height in the file. [6.0]",
         float,
     ),
     "height_scale": option(
         "--height-scale",
-        "Height of one grey level, or of one unit of a raster, in metres. [1 for GeoTIFF and NPY; "
+        "Height in metres of one grey level in a picture, or of one unit in a raster. [1 for "
+        "GeoTIFF and NPY; "
         "PNG needs it]",
         float,
     ),
@@ -160,8 +161,8 @@ pixels_option = option("--pixels", "Side of the square map, in pixels.", int, 25
 metres_option = option("--metres-per-pixel", "Side of a pixel, in metres.", float, 2.0)
 centers_option = option(
     "--center LON LAT...",
-    "Longitude and latitude of the centre of a map window, in degrees. Give one centre for each "
-    "MAP, or one centre for each MAP that is a file. {_WINDOW}",
+    "Longitude and latitude of the centre of a map window, in degrees. Give a centre for every "
+    f"MAP, or only for each MAP that is a file. {_WINDOW}",
     float,
 )
 
@@ -234,7 +235,7 @@ def output_option(metavar: str, text: str, *, required: bool = True, default: st
 
 
 json_option = flag(
-    "--json as_json", "Print only a JSON document; numbers that are not finite are null."
+    "--json as_json", "Print only a JSON document, with null for each number that is not finite."
 )
 
 
@@ -243,13 +244,15 @@ json_option = flag(
 seed_option = option("--seed", "Seed of the random draws.", WHOLE, 0)
 count_option = option(
     "--count",
-    "Copies to count for each pixel: copies of the pixel, of its most copied domain block, or of "
-    "the domain block of its range block. [pixels]",
+    'Copies to count: "pixels" counts copies of the pixel, "domains" counts copies of the most '
+    'copied domain block that contains the pixel, and "ranges" counts copies of the domain '
+    "block that the pixel's range block copies. [pixels]",
     click.Choice(["pixels", "domains", "ranges"]),
 )
 _PLACE = "[the common place of all source cities, else no coordinates on Earth]"
 at_option = option(
-    "--at CITY", f"Source city of the run that gives the output coordinates on Earth. {_PLACE}"
+    "--at CITY",
+    f"Source city of the run; the output gets the coordinates of this city on Earth. {_PLACE}",
 )
 
 _INDIVIDUAL = "Number of an individual in a run folder, as shown in the report"
@@ -333,12 +336,13 @@ accept_changes_option = flag(
 )
 trust_option = flag(
     "--trust",
-    "Execute the measures and commands of a run from another machine, without asking.",
+    "Execute the measures and commands of the run without asking, even if the run comes from "
+    "another machine.",
 )
 until_option = option(
     "--until HH:MM",
-    "Time of day, or date with time (2026-11-25T07:00), at which the run ends; the word none "
-    "means no end time. [the recipe's]",
+    "Time of day, or date with time (2026-11-25T07:00), at which the run ends; the word "
+    '"none" means no end time. [the recipe\'s]',
 )
 
 
@@ -346,7 +350,8 @@ def cluster_option(default: str) -> Callable:
     """``--cluster``; ``default`` says which one is used unless it is given."""
     return option(
         "--cluster ADDRESS",
-        "Address of a Dask scheduler, such as tcp://host:8786; local:N starts N Dask workers; the "
-        "word none means no cluster. Each Dask worker of a cluster starts --workers processes. "
+        "Address of a Dask scheduler, such as tcp://host:8786; local:N starts N Dask workers; "
+        'the word "none" means no cluster. On a cluster, the option --workers sets the number '
+        "of processes of each Dask worker. "
         "[{default}]",
     )

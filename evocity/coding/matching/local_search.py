@@ -68,7 +68,8 @@ def best_correlations(
     reach: int | None = 12,
     flat: float = 0.1,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute ρ² between each range block of a uniform pavement and its best domain block.
+    """Compute the squared correlation ρ² between each range block of a map and its best domain
+    block, for range blocks of one side.
 
     The value ρ² is the share of a range block's variance that a domain block explains with any σ.
     Domain blocks have the sides m·B for each m in ``domains``, and lie within ``reach`` px of their

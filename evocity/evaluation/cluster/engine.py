@@ -372,7 +372,7 @@ class Cluster(Engine):
             except SchedulerLost as last:
                 if time.monotonic() > until:
                     raise RunError(
-                        f"the Dask scheduler at {self._address} did not come back in "
+                        f"the Dask scheduler at {self._address} did not answer again within "
                         f"{PATIENCE:g} s ({last})",
                         "a running scheduler",
                         "start the scheduler and its workers again; then run: evocity resume RUN",

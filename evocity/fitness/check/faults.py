@@ -153,7 +153,7 @@ def _exception_finding(measure: Measure, call: Call, name: str) -> Finding:
     if not isinstance(error, EvocityError):  # such as SystemExit
         about = "exception"
         error = FitnessError(
-            f"{measure.name} raised {describe_error(error)} on {name}",
+            f"the measure {measure.name} raised {describe_error(error)} on the map {name}",
             "a function that returns a number for every map",
             'return evocity.fitness.Undefined("why") where the measure has no meaning',
         )

@@ -4,7 +4,15 @@
 - `gene`: the gene of a face, which names the city and the place of its buildings: `FaceGene`
 - `donor`: straight walls of a source city at half a metre, and the directions of its walls
 - `laying`: buildings of a source city in a face, the same from the same gene: `lay`
-- `fill`: a search for buildings that fit a face: `fill_face`
+- `changes`: changes of a plan as data: `apply_changes`, `draw_change`, `renumbering`
+- `street_changes`: new alleys, closed streets, wider and narrower streets
+- `seams`: two plans that meet along a street from frame to frame
+- `changed`: a plan while it changes, and its new arrays
+- `rebuilding`: buildings for the faces that a change makes
+- `inheritance`: the plan that a genome inherits: `InheritedPlan`, `find_plan`, `plan_key`
+- `planned_child`, `changed_child`: a child while its faces or its plan change
+- `fill`: a search for buildings that fit a face or its halves: `fill_face`, `fill_halves`
+- `storeys`: the range of heights in a face and around it: `storey_range`
 """
 
 from evocity.lazy_imports import lazy_names

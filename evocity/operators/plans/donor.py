@@ -1,6 +1,7 @@
 """A source city as a donor of buildings: straight walls at half a metre, frames and places."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -35,6 +36,11 @@ class Donor:
     areas: np.ndarray
     middles: np.ndarray
     directions: np.ndarray
+
+    @cached_property
+    def built(self) -> np.ndarray:
+        """Fine pixels with a building: bool ``(h, w)``."""
+        return self.numbers > 0
 
     def frames(self, places: np.ndarray, radius: float) -> np.ndarray:
         """Find the direction of the walls around ``places``, row and column ``(n, 2)``, in a square

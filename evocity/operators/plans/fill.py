@@ -1,16 +1,18 @@
 """Search for buildings of a source city that fit a face: candidates, scores, the best of them."""
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from evocity.citymap import CityMap
+from evocity.citymap import BUILT_ABOVE, CityMap
 from evocity.errors import MapError
 from evocity.operators.plans.donor import Donor, donor_of
 from evocity.operators.plans.gene import SCALES, FaceGene
-from evocity.operators.plans.laying import Lot, lay_piece, places_of
+from evocity.operators.plans.laying import Lot, lay_numbers, lot_of, places_of
 from evocity.operators.plans.plan import Plan
+from evocity.operators.plans.storeys import storey_range
 
 #: Places lie within this distance of the middle of a building, px of the source city.
 NEAR = 8.0
@@ -23,37 +25,31 @@ LOSS = 0.1
 #: Largest share of the built ground whose place stands on the map already.
 REPEATS = 0.01
 
-# Points of a lot on which candidates are compared; candidates that are laid; moves of a candidate
-# to the outline, px.
-_POINTS, _BEST, _MOVES = 250, 12, 2
+# Points of a lot on which candidates are compared, and on which they are chosen and moved;
+# candidates that are moved, and those of them that are laid if some of these fit.
+_POINTS, _FEW, _BEST, _LAID = 250, 80, 16, 6
+# Most that moves and sizes add to a score.
+_HOPE = 0.4
+# Moves of a candidate to the outline, px; the shortest of equally good ones wins.
+_STEPS = np.stack(np.meshgrid(*[np.arange(-2.0, 3.0)] * 2, indexing="ij"), -1).reshape(-1, 2)
+_MOVES = _STEPS[np.argsort((_STEPS**2).sum(axis=1), kind="stable")]
+# Sizes that are tried for each, with moves beside it, px; the first of equally good ones wins.
+_TRIALS = np.array(
+    [
+        (down, along, size)
+        for size in (1.0, 0.96, 1.04, 0.92, 1.08)
+        for down, along in ((0, 0), (-1, 0), (0, -1), (0, 1), (1, 0))
+    ]
+)
 # Most front that growing over gaps may add.
 _GROWN = 0.15
 
 
-@dataclass(frozen=True, eq=False)
-class _Candidates:
-    """Places of a source city, with turn, mirror and scale, ``(k,)`` each."""
-
-    row: np.ndarray
-    column: np.ndarray
-    angle: np.ndarray
-    mirror: np.ndarray
-    scale: np.ndarray
-
-    def __getitem__(self, which: np.ndarray) -> "_Candidates":
-        return _Candidates(*(values[which] for values in vars(self).values()))
-
-    def gene(self, k: int, face: int, name: str) -> FaceGene:
-        row, column, angle, mirror, scale = (values[k].item() for values in vars(self).values())
-        return FaceGene(face, name, row, column, angle, mirror, scale)
-
-    def turns(self, pixel: float) -> np.ndarray:
-        """Compute the rows and then the columns, px of ``pixel`` metres, that a metre down and a
-        metre along the plan become in the source city: float64 ``(k, 4)``. See
-        `FaceGene.offsets`."""
-        size, sign = self.scale * pixel, np.where(self.mirror, -1.0, 1.0)
-        cosine, sine = np.cos(self.angle) / size, np.sin(self.angle) / size
-        return np.column_stack([cosine, -sine, sign * sine, sign * cosine])
+def _gene(candidate: np.ndarray, face: int, name: str, **more) -> FaceGene:
+    """Make the gene of a candidate."""
+    row, column, angle, mirror, scale, axis = candidate.tolist()
+    axis = None if math.isnan(axis) else axis
+    return FaceGene(face, name, row, column, angle, mirror > 0, scale, axis, **more)
 
 
 def fill_face(
@@ -69,6 +65,9 @@ def fill_face(
     repeats: float = REPEATS,
     scales: tuple[float, float] = SCALES,
     name: str | None = None,
+    storeys: bool = True,
+    heights: np.ndarray | None = None,
+    like: FaceGene | None = None,
 ) -> tuple[FaceGene, np.ndarray] | None:
     """Find buildings of a source city that fit a face of a plan.
 
@@ -88,8 +87,14 @@ def fill_face(
     loss : the front may be so much below the face's own front.
     used : bool ``(H, W)``, pixels of the source city that stand on the map already; None for none.
     repeats : largest share of the new built ground that comes from ``used`` pixels.
-    scales : range of the size of the buildings on the ground.
+    scales : range of the size of the buildings on the ground. The size acts in all directions, or
+        along one direction of the face's walls.
     name : name of the source city in the gene; None for ``source.name``.
+    storeys : whether the heights keep to the range of the face and the buildings around it
+        (`storey_range`).
+    heights : float32 ``(H, W)``, heights around the face, metres; None for those of the plan's map.
+    like : a gene whose angle, mirror, scale and axis all candidates have. If the place of this gene
+        fits, no other place is tried.
 
     Returns
     -------
@@ -97,104 +102,240 @@ def fill_face(
     row. None for an open face, and where nothing fits. Raises `MapError` for a number that is not a
     face of the plan.
     """
+    _check_face(plan, face)
+    candidates = _draw(plan, face, donor_of(source), draws, scales, rng)
+    if plan.open[face - 1]:
+        return None
+    goal = _Goal(float(plan.coverage[face - 1]), float(plan.front[face - 1]), slack, loss)
+    how = {"name": name or source.name, "used": used, "repeats": repeats}
+    how["limits"] = _limits(plan, face, heights, storeys)
+    lot = lot_of(plan, face)
+    if like is None:
+        return _find(lot, face, source, candidates, goal, scales=scales, **how)
+    scales = like.scale, like.scale
+    found = (
+        _find(lot, face, source, group, goal, scales=scales, **how)
+        for group in _alike(candidates, like)
+    )
+    return next((result for result in found if result is not None), None)
+
+
+def _alike(candidates: np.ndarray, like: FaceGene) -> list[np.ndarray]:
+    """Turn candidates as the gene ``like`` does; its own place comes first, by itself."""
+    others = candidates.copy()
+    others[:, 2:] = like.angle, like.mirror, like.scale, _axis_number(like.axis)
+    return [np.concatenate([[[like.row, like.column]], others[:1, 2:]], axis=1), others]
+
+
+def _axis_number(axis: float | None) -> float:
+    return math.nan if axis is None else axis
+
+
+def fill_halves(
+    plan: Plan,
+    face: int,
+    sources: tuple[CityMap, CityMap],
+    rng: np.random.Generator,
+    *,
+    draws: int = DRAWS,
+    slack: float = SLACK,
+    loss: float = LOSS,
+    used: Sequence[np.ndarray | None] = (None, None),
+    repeats: float = REPEATS,
+    scales: tuple[float, float] = SCALES,
+    names: tuple[str, str] | None = None,
+    storeys: bool = True,
+    heights: np.ndarray | None = None,
+) -> tuple[tuple[FaceGene, FaceGene], np.ndarray] | None:
+    """Find buildings of two places for the two halves of a face (`Lot.side`).
+
+    Each half is filled as `fill_face` fills a face, from the first and the second of ``sources``.
+    Each half keeps its own coverage and front. No building is cut between the halves.
+
+    Parameters are those of `fill_face`; ``used`` and ``names`` have an entry for each source.
+
+    Returns the genes of the halves, and the heights of the pixels of the whole lot, float32
+    ``(n,)``, metres. None for an open face, and where one half stays empty. Raises `MapError` for a
+    number that is not a face of the plan.
+    """
+    _check_face(plan, face)
+    drawn = [_draw(plan, face, donor_of(one), draws, scales, rng, half=True) for one in sources]
+    if plan.open[face - 1]:
+        return None
+    lot, limits = lot_of(plan, face), _limits(plan, face, heights, storeys)
+    built = plan.heights[lot.window][lot.mask] > BUILT_ABOVE
+    goals = []
+    for part in (1, 2):
+        side = lot.side(part)
+        coverage = np.mean(built[side]) if side.any() else 0
+        if coverage == 0:
+            return None
+        front = _front(built, side & lot.strip)
+        goals.append(_Goal(float(coverage), front, slack, loss))
+    total, genes, taken = np.zeros(lot.down.size, np.float32), [], list(used)
+    for number, source in enumerate(sources):
+        result = _find(
+            lot, face, source, drawn[number], goals[number], part=number + 1,
+            name=source.name if names is None else names[number], used=taken[number],
+            repeats=repeats, scales=scales, limits=limits, standing=total > 0,
+        )  # fmt: skip
+        if result is None:
+            return None
+        gene, new = result
+        genes.append(gene)
+        total[new > 0] = new[new > 0]
+        if sources[0] is sources[1]:
+            taken[1] = _taken(lot, gene, source, new > 0, taken[1])
+    # buildings of the second half may stand on the first
+    fits = (goal.fits(total > 0, lot, part) for part, goal in enumerate(goals, start=1))
+    return ((genes[0], genes[1]), total) if all(fits) else None
+
+
+@dataclass(frozen=True)
+class _Goal:
+    """Coverage and front of a lot or of a half of it, 0…1, and how far buildings may be off."""
+
+    coverage: float
+    front: float
+    slack: float
+    loss: float
+
+    def fits(self, built: np.ndarray, lot: Lot, part: int) -> bool:
+        side = lot.side(part)
+        share = abs(np.mean(built[side]) - self.coverage) <= self.slack
+        return bool(share and _front(built, lot.strip & side) >= self.front - self.loss)
+
+
+def _front(built: np.ndarray, strip: np.ndarray) -> float:
+    """Compute the built share of a strip, bool ``(n,)``; 1 for an empty strip."""
+    count = np.count_nonzero(strip)
+    return np.count_nonzero(built & strip) / count if count else 1.0
+
+
+def _check_face(plan: Plan, face: int) -> None:
     if not 1 <= face <= len(plan):
         raise MapError(
-            f"face = {face}", f"a face of the plan, 1…{len(plan)}", "use the number of a face"
+            f"the plan has no face with the number {face}",
+            f"the number of a face of the plan, from 1 to {len(plan)}",
+            "choose a number in this range",
         )
-    donor, name = donor_of(source), name or source.name
-    candidates = _draw(plan, face, donor, draws, scales, rng)
-    if plan.open[face - 1] or not len(donor.middles):
+
+
+def _limits(plan: Plan, face: int, heights, storeys: bool) -> dict[str, float]:
+    """Find the limits of heights in a gene."""
+    found = storey_range(plan, face, heights) if storeys else None
+    return {} if found is None else {"lowest": found[0], "highest": found[1]}
+
+
+def _find(
+    lot: Lot,
+    face: int,
+    source: CityMap,
+    candidates: np.ndarray,
+    goal: _Goal,
+    *,
+    name: str,
+    used,
+    repeats: float,
+    scales: tuple[float, float],
+    limits: dict,
+    part: int = 0,
+    standing=None,
+) -> tuple[FaceGene, np.ndarray] | None:
+    """Lay the candidates with the best scores, and choose the one with the largest front."""
+    donor = donor_of(source)
+    if not len(donor.middles):
         return None
-    lot = Lot(plan, face)
-    coverage, front = float(plan.coverage[face - 1]), float(plan.front[face - 1])
-    rating = _Rating(lot, donor, coverage, slack, used, repeats)
+    rating = _Rating(lot, donor, goal, used, repeats, part, scales)
+    side = lot.side(part)
+    strip, count = lot.strip & side, max(np.count_nonzero(side), 1)
     best: tuple[float, FaceGene, np.ndarray] | None = None
-    for candidate in rating.best(candidates, front - loss - _GROWN):
-        gene = candidate.gene(0, face, name)
-        heights = lay_piece(lot, gene, donor)
-        built = heights > 0
-        own = float(np.mean(built[lot.strip])) if lot.strip.any() else 1.0
-        fits = abs(np.mean(built) - coverage) <= slack and own >= front - loss
-        fits = fits and _repeated(lot, gene, source, built, used) <= repeats
-        if fits and (best is None or own > best[0]):
-            best = own, gene, heights
-    return None if best is None else best[1:]
+    for tried, candidate in enumerate(rating.best(candidates, goal.front - goal.loss - _GROWN)):
+        if best is not None and tried >= _LAID:
+            break
+        gene = _gene(candidate, face, name, part=part, **limits)
+        numbers = lay_numbers(lot, gene, donor, standing=standing)
+        built = numbers > 0
+        whole = built if standing is None else built | standing
+        own = _front(whole, strip)
+        if own < goal.front - goal.loss or (best is not None and own <= best[0]):
+            continue
+        coverage = np.count_nonzero(whole & side) / count
+        if abs(coverage - goal.coverage) > goal.slack:
+            continue
+        if _repeated(lot, gene, source, built, used) <= repeats:
+            best = own, gene, numbers
+    return None if best is None else (best[1], best[1].clamp(donor.heights)[best[2]])
 
 
-def _draw(plan: Plan, face: int, donor: Donor, draws: int, scales, rng) -> _Candidates:
-    """Draw candidates: equally many numbers for any face."""
+def _draw(
+    plan: Plan, face: int, donor: Donor, draws: int, scales, rng, half: bool = False
+) -> np.ndarray:
+    """Draw candidates, equally many numbers for any face: float64 ``(k, 6)``, with row, column,
+    angle, mirror (0 or 1), scale, and axis, which is NaN for all directions."""
     building = rng.integers(max(len(donor.middles), 1), size=draws)
     shift = rng.uniform(-NEAR, NEAR, (draws, 2))
     quarter = rng.integers(4, size=draws)
     mirror = rng.random(draws) < 0.5
     scale = rng.uniform(*scales, draws)
+    axis = np.array([np.nan, 0.0, math.pi / 2])[rng.integers(3, size=draws)]
     if not len(donor.middles):
-        return _Candidates(*(np.empty(0) for _ in range(5)))
+        return np.empty((0, 6))
     limits = np.array(donor.city.shape) - 1.0
     places = np.clip(donor.middles[building] - 0.5 + shift, 0, limits)
-    radius = math.sqrt(plan.lot_area[face - 1]) / donor.city.metres_per_pixel / 2
+    radius = math.sqrt(plan.lot_area[face - 1] / (1 + half)) / donor.city.metres_per_pixel / 2
     frames = donor.frames(places, radius)
     angles = plan.angle[face - 1] - np.where(mirror, -frames, frames) + quarter * (math.pi / 2)
-    return _Candidates(*places.T, np.mod(angles, 2 * math.pi), mirror, scale)
+    axis = axis + plan.angle[face - 1]
+    return np.column_stack([places, np.mod(angles, 2 * math.pi), mirror, scale, axis])
 
 
 class _Rating:
     """Scores of candidates on some points of a lot, evenly spaced."""
 
-    def __init__(self, lot: Lot, donor: Donor, coverage: float, slack: float, used, repeats: float):
-        every, strip = np.arange(lot.rows.size), np.flatnonzero(lot.strip)
-        every = every[:: max(1, every.size // _POINTS)]
-        strip = strip[:: max(1, strip.size // _POINTS)]
-        self._count = every.size
-        points = np.concatenate([every, strip])
-        self._down, self._along = lot.down[points], lot.along[points]
-        self._donor, self._coverage, self._slack = donor, coverage, slack
+    def __init__(self, lot: Lot, donor: Donor, goal, used, repeats: float, part: int, scales):
+        self._donor, self._goal = donor, goal
         self._used = np.zeros(donor.city.shape, bool) if used is None else used
-        self._repeats = repeats
+        self._repeats, self._scales = repeats, scales
+        side = lot.side(part)
+        every, strip = np.flatnonzero(side), np.flatnonzero(lot.strip & side)
+        self._many, self._few = (self._points(lot, every, strip, n) for n in (_POINTS, _FEW))
 
-    def best(self, candidates: _Candidates, least: float) -> list[_Candidates]:
-        """Choose the candidates with the best scores, each moved by whole pixels to where its score
-        is best, and there at ``least`` so much."""
-        scores = self.scores(candidates)
-        order = np.argsort(-scores, kind="stable")[:_BEST]
-        chosen = candidates[order[np.isfinite(scores[order])]]
-        if not chosen.row.size:
-            return []
-        steps = np.arange(-_MOVES, _MOVES + 1)
-        moves = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
-        # the shortest of equally good moves wins
-        moves = moves[np.argsort((moves**2).sum(axis=1), kind="stable")]
-        many = chosen[np.repeat(np.arange(chosen.row.size), len(moves))]
-        down, along = np.tile(moves.T.astype(float), chosen.row.size)
-        many = replace(many, row=many.row + down, column=many.column + along)
-        scores = self.scores(many).reshape(-1, len(moves))
-        first = np.arange(len(scores)) * len(moves)
-        good = scores.max(axis=1) >= least
-        return [many[[k]] for k in (first + scores.argmax(axis=1))[good]]
-
-    def scores(self, candidates: _Candidates) -> np.ndarray:
-        """Score candidates, float64 ``(k,)``; −∞ where they leave the source city, or repeat too
-        much of it."""
-        from evocity.operators.plans._kernels import count_built
-
-        city, inner = self._donor.city, self._count
-        pixel, strip = city.metres_per_pixel, self._down.size - self._count
-        ratio = pixel / self._donor.step
-        counts = np.empty((candidates.row.size, 4), np.int64)
-        count_built(
-            self._donor.numbers, self._used, ratio, self._down, self._along, inner,
-            candidates.row, candidates.column, candidates.turns(pixel), counts,
+    def _points(self, lot: Lot, every: np.ndarray, strip: np.ndarray, most: int) -> tuple:
+        """Choose about ``most`` points of the lot and as many of its strip: what the kernels
+        need."""
+        every = every[:: max(1, every.size // most)]
+        points = np.concatenate([every, strip[:: max(1, strip.size // most)]])
+        city, goal = self._donor.city, self._goal
+        return (
+            self._donor.built, self._used, city.metres_per_pixel, self._donor.step,
+            lot.down[points], lot.along[points], every.size, goal.coverage, goal.slack,
+            self._repeats,
         )  # fmt: skip
-        built, front, again, beyond = counts.T
-        off = np.abs(built / inner - self._coverage) - self._slack
-        scores = front / strip if strip else np.ones(len(counts))
-        scores = scores - 2 * np.maximum(off, 0)
-        # points are few, so the whole lot decides on small shares
-        wrong = (beyond > 0) | (again > 2 * self._repeats * built + 2)
-        height, width = city.shape
-        wrong |= (candidates.row < 0) | (candidates.row > height - 1)
-        wrong |= (candidates.column < 0) | (candidates.column > width - 1)
-        return np.where(wrong, -np.inf, scores)
+
+    def best(self, candidates: np.ndarray, least: float) -> np.ndarray:
+        """Choose the candidates with the best scores. Each moves by whole pixels and takes the size
+        where its score is best, and there at ``least`` so much."""
+        from evocity.operators.plans._kernels import improve_candidates
+
+        scores = self.scores(candidates, few=True)
+        order = np.argsort(-scores, kind="stable")[:_BEST]
+        chosen = candidates[order[scores[order] >= least - _HOPE]]
+        if not chosen.size:
+            return chosen
+        improve_candidates(*self._few, chosen, _MOVES, _TRIALS, *self._scales)
+        scores = self.scores(chosen)
+        order = np.argsort(-scores, kind="stable")
+        return chosen[order[scores[order] >= least]]
+
+    def scores(self, candidates: np.ndarray, few: bool = False) -> np.ndarray:
+        """Score candidates, float64 ``(k,)``; −∞ where they leave the source city, or repeat too
+        much of it. With ``few`` points for a first choice."""
+        from evocity.operators.plans._kernels import score_candidates
+
+        scores = np.empty(len(candidates))
+        score_candidates(*(self._few if few else self._many), candidates, scores)
+        return scores
 
 
 def _pixels(rows, columns, city: CityMap):
@@ -205,6 +346,16 @@ def _pixels(rows, columns, city: CityMap):
     )
 
 
+def _taken(lot: Lot, gene: FaceGene, source: CityMap, built: np.ndarray, used) -> np.ndarray:
+    """Mark the pixels of the source city that a gene takes, and those beside them, as used."""
+    taken = np.zeros(source.shape, bool) if used is None else used.copy()
+    rows, columns = (places[built] for places in places_of(lot, gene, source))
+    for down in (-0.5, 0.5):
+        for along in (-0.5, 0.5):
+            taken[_pixels(rows + down, columns + along, source)] = True
+    return taken
+
+
 def _repeated(lot: Lot, gene: FaceGene, source: CityMap, built: np.ndarray, used) -> float:
     """Compute the share of the built ground whose place stands on the map already."""
     if used is None or not built.any():
@@ -213,4 +364,4 @@ def _repeated(lot: Lot, gene: FaceGene, source: CityMap, built: np.ndarray, used
     return float(used[_pixels(rows, columns, source)].mean())
 
 
-__all__ = ["DRAWS", "LOSS", "REPEATS", "SLACK", "fill_face"]
+__all__ = ["DRAWS", "LOSS", "REPEATS", "SLACK", "fill_face", "fill_halves"]

@@ -58,6 +58,8 @@ class Plan:
     at_frame : bool ``(n,)``, whether a face reaches the map's frame.
     neighbours : int32 ``(m, 2)``, pairs of faces that have a street axis between them; the lower
         number comes first.
+    changes : the changes that made the plan from the plan of a map, as JSON-able data; see
+        `evocity.operators.plans.apply_changes`.
     """
 
     heights: np.ndarray
@@ -79,6 +81,7 @@ class Plan:
     at_frame: np.ndarray
     neighbours: np.ndarray
     version: int = PLAN_VERSION
+    changes: tuple[dict[str, Any], ...] = ()
 
     def __len__(self) -> int:
         """Count the faces."""
@@ -198,10 +201,10 @@ def build_plan(city: CityMap, axes: np.ndarray) -> Plan:
         "front": counts["front"] / np.maximum(counts["strip"], 1),
         "angle": np.mod(np.angle(whole[1:]) / 4, np.pi / 2),
         "order": np.abs(whole[1:]) / np.maximum(strength[1:], 1e-12),
-        "centre": _centres(labels, lots, count),
+        "centre": centres_of(labels, lots, count),
         "open": counts["built"] < OPEN_BELOW * counts["area"],
         "at_frame": at_frame,
-        "neighbours": _neighbours(labels),
+        "neighbours": neighbours_of(labels),
     }
     arrays = {name: read_only(np.ascontiguousarray(array)) for name, array in arrays.items()}
     described = {"name": city.name, "attribution": city.attribution, "corner": city.north_west}
@@ -224,25 +227,24 @@ def _from_middle(shape: tuple[int, int]) -> np.ndarray:
 def _cut(own: np.ndarray, axes: np.ndarray) -> np.ndarray:
     """Label the faces between ``axes``; axes that end within a face belong to the face."""
     labels, _ = pieces(own & ~axes)
-    around = _around(labels)
+    around = around_of(labels)
     most = around.max(axis=0)
     least = np.where(around > 0, around, np.iinfo(np.int32).max).min(axis=0)
     inner = axes & own & (most > 0) & (least == most)
     return np.where(inner, most, labels)
 
 
-def _around(labels: np.ndarray) -> np.ndarray:
-    """Stack the labels of the eight neighbours of each pixel, ``(8, H, W)``; 0 beyond the map."""
+def around_of(labels: np.ndarray, where: np.ndarray | None = None) -> np.ndarray:
+    """Stack the labels of the eight neighbours of each pixel, ``(8, H, W)``; 0 beyond the map. Of
+    the n pixels ``where``, bool ``(H, W)``: ``(8, n)``."""
     padded = np.pad(labels, 1)
     height, width = labels.shape
-    return np.stack(
-        [
-            padded[down : down + height, along : along + width]
-            for down in range(3)
-            for along in range(3)
-            if (down, along) != (1, 1)
-        ]
-    )
+    shifts = [(i, j) for i in range(3) for j in range(3) if (i, j) != (1, 1)]
+    if where is None:
+        return np.stack([padded[i : i + height, j : j + width] for i, j in shifts])
+    rows, columns = np.nonzero(where)
+    flat, at = padded.ravel(), rows * (width + 2) + columns
+    return np.stack([flat[at + i * (width + 2) + j] for i, j in shifts])
 
 
 def _find_lot(labels, built, own, face, window, radius, lots, strips) -> None:
@@ -264,7 +266,20 @@ def _find_lot(labels, built, own, face, window, radius, lots, strips) -> None:
     strips[rows, columns] |= strip
 
 
-def _centres(labels: np.ndarray, lots: np.ndarray, count: int) -> np.ndarray:
+def rank_faces(labels: np.ndarray, lots: np.ndarray, count: int) -> np.ndarray:
+    """Number the faces of a changed plan, large ones first: int32 ``(count + 1,)``, 0 for 0."""
+    keys = [
+        np.bincount(labels.ravel(), minlength=count + 1),
+        np.bincount(lots.ravel(), minlength=count + 1),
+        _sums(labels, _from_middle(labels.shape)),
+    ]
+    rank = np.zeros(count + 1, np.int32)
+    rank[np.lexsort([-values[1:] for values in keys][::-1]) + 1] = np.arange(1, count + 1)
+    return rank
+
+
+def centres_of(labels: np.ndarray, lots: np.ndarray, count: int) -> np.ndarray:
+    """Find the centroid of each lot, or else of the face: float64 ``(count, 2)``, px."""
     centres = np.zeros((count, 2))
     sizes = np.bincount(lots.ravel(), minlength=count + 1)
     grids = np.indices(labels.shape)
@@ -277,15 +292,27 @@ def _centres(labels: np.ndarray, lots: np.ndarray, count: int) -> np.ndarray:
     return centres
 
 
-def _neighbours(labels: np.ndarray) -> np.ndarray:
+def neighbours_of(labels: np.ndarray) -> np.ndarray:
     """List the pairs of faces that touch the same pixel of an axis."""
-    around = np.sort(_around(labels)[:, labels == 0], axis=0)
-    pairs = [
-        np.column_stack([around[i], around[j]])[(around[i] > 0) & (around[i] < around[j])]
-        for i in range(8)
-        for j in range(i + 1, 8)
-    ]
-    return np.unique(np.concatenate(pairs), axis=0).astype(np.int32).reshape(-1, 2)
+    around = np.sort(around_of(labels, labels == 0), axis=0).astype(np.int64)
+    many = int(labels.max(initial=0)) + 1
+    met = np.zeros(many * many, bool)
+    for i in range(8):
+        for j in range(i + 1, 8):
+            met[around[i] * many + around[j]] = True
+    first, second = np.divmod(np.flatnonzero(met), many)
+    apart = (first > 0) & (first < second)
+    return np.column_stack([first[apart], second[apart]]).astype(np.int32)
 
 
-__all__ = ["PLAN_VERSION", "Plan", "build_plan", "plan_of", "walls_square"]
+__all__ = [
+    "PLAN_VERSION",
+    "Plan",
+    "around_of",
+    "build_plan",
+    "centres_of",
+    "neighbours_of",
+    "plan_of",
+    "rank_faces",
+    "walls_square",
+]

@@ -9,6 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from evocity.fitness import Aims
+from evocity.genome import Genome
+from evocity.operators.plans.inheritance import InheritedPlan, founder_name
 from evocity.recipe.recipe import Recipe
 from evocity.search.breeding.credit import Credit
 from evocity.search.breeding.omitted_genomes import describe_rebreeding
@@ -28,6 +30,15 @@ from evocity.search.preparation.preparation import Prepared
 from evocity.selection.individual import Individual
 from evocity.selection.population import Population
 from evocity.store import Birth
+
+
+def plan_name(genome: Genome) -> tuple[str | None, bool]:
+    """Return the name of the plan of a ``genome``, and whether it differs from those of all source
+    cities. The name is None if the genome inherits no plan."""
+    state = InheritedPlan.from_made(genome.made)
+    if state is not None:
+        return state.key, bool(state.changes)
+    return founder_name(genome), False
 
 
 class Island:
@@ -53,7 +64,11 @@ class Island:
         self.credit = Credit() if recipe.search.adapt else None
         self._sources = [source.genome for source in prepared.sources]
         self.population = Population(
-            recipe.search.algorithm_of(len(slots)), aims, prepared.header.chromosome, recipe.limits
+            recipe.search.algorithm_of(len(slots)),
+            aims,
+            prepared.header.chromosome,
+            recipe.limits,
+            plan_name if recipe.search.has_niches else None,
         )
 
     @property

@@ -2,10 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
+from evocity import operators
 from evocity.genome import Genome
 from evocity.recipe.recipe import Recipe
 from evocity.selection.algorithms import Algorithm
@@ -126,7 +127,7 @@ def founder_plan(
     pairs = [(i, j) for i in range(count) for j in range(count) if i != j]
     turn = slot - count
     if pairs and turn % 3 < 2:
-        changes = {}
+        changes = _all_faces(recipe, crossing)
         if recipe.takes(crossing, "fill") and not recipe.ranged(crossing, "fill"):
             changes["fill"] = round(float(rng.uniform(0.1, 0.9)), 3)
         if recipe.parameters(crossing).get("void"):
@@ -134,10 +135,16 @@ def founder_plan(
         operator = recipe.operator_drawn(crossing, rng, **changes)
         parents = pairs[(turn // 3 * 2 + turn % 3) % len(pairs)]
     else:
-        operator = recipe.operator_drawn(changing, rng)
+        operator = recipe.operator_drawn(changing, rng, **_all_faces(recipe, changing))
         lone = (turn // 3 if pairs else turn) % count
         parents = (lone, *founder_indices(operator, count))
     return Plan(slot, operator, parents, tuple(sources[i] for i in parents), rng)
+
+
+def _all_faces(recipe: Recipe, name: str) -> dict[str, None]:
+    """Parameters of an operator ``name`` that fills faces of a plan: founders fill all of them."""
+    fills = recipe.takes(name, "faces") and recipe.takes(name, "slack")
+    return {"faces": None} if fills and not recipe.ranged(name, "faces") else {}
 
 
 def learner_plans(
@@ -162,6 +169,20 @@ def learner_plans(
 def founder_indices(operator, count: int) -> range:
     """Return the ids of those of ``count`` sources that ``operator`` has as further parents."""
     return range(count if getattr(operator, "takes_founders", False) else 0)
+
+
+def choose_mates(
+    algorithm: Algorithm, living: Sequence[Individual], count: int, rng: np.random.Generator
+) -> list[int]:
+    """Let the ``algorithm`` choose ``count`` parents that have one plan, and return their indices.
+    If too few of the ``living`` have the plan of the first parent, the others have any plan."""
+    (first,) = algorithm.parents(living, 1, rng)
+    plan = living[first].plan
+    others = [at for at in range(len(living)) if at != first]
+    mates = [at for at in others if plan is not None and living[at].plan == plan]
+    among = mates if len(mates) >= count - 1 else others or [first]
+    chosen = algorithm.parents([living[at] for at in among], count - 1, rng)
+    return [first, *(among[at] for at in chosen)]
 
 
 def child_plans(
@@ -189,10 +210,15 @@ def child_plans(
     reached = (chances / chances.sum()).cumsum()
     reached /= reached[-1]
     plans = []
+    known, mates = operators.operators(), recipe.search.mates
+    related = {name for name in names if mates and getattr(known[name], "crosses_plans", False)}
     for slot in range(recipe.run.population) if slots is None else slots:
         rng = birth_generator(recipe.run.seed, generation, slot)
         name = names[reached.searchsorted(rng.random(), side="right")]
-        parents = algorithm.parents(living, counts[name], rng)
+        choose = algorithm.parents
+        if name in related and rng.random() < mates:
+            choose = partial(choose_mates, algorithm)
+        parents = choose(living, counts[name], rng)
         chosen = guidance.picks.among([(living[i].id, living[i].genome) for i in parents], rng)
         operator = drawing(name)(rng)
         chosen += [(i, sources[i]) for i in founder_indices(operator, len(sources))]

@@ -1,8 +1,8 @@
 """A first recipe for any cities: goals, and a guard calibrated on the parents' codes.
 
-The guard has bounds that the parents keep, and a heap of cut buildings does not: on `integrity`,
-`fabric_distance` to the parents, `small_buildings` and `slivers`. The values of the parents' maps
-and codes decide them. A few births show how long the run will take.
+The parents keep the bounds of the guard, and a heap of cut buildings does not keep them. The values
+of the parents' maps and codes decide the bounds (`evocity.search.calibration.guard`). A few births
+show how long the run will take.
 """
 
 import contextlib
@@ -23,24 +23,16 @@ from evocity.recipe.reader import recipe_of
 from evocity.recipe.recipe import Recipe
 from evocity.recipe.sections import Parent
 from evocity.search.breeding.plans import child_plans
+from evocity.search.calibration.guard import BANDS, GUARD, calibrate_bound, parents_target
 from evocity.search.calibration.recipe_text import Bound, Goal, RecipeSettings, recipe_text
-from evocity.search.preparation.constraints import round_bound
 from evocity.search.preparation.preparation import Prepared, aims_of, prepare, references_of
 from evocity.selection.individual import Individual
 from evocity.store import Source
 
 #: The goals unless the user has some, as far as they are defined of the parents.
-USUAL_GOALS = ("autosimilarity", "alignment", "salingaros_buildings", "crumbs")
-#: The measures that the guard bounds.
-GUARD = ("integrity", "fabric_distance", "small_buildings", "slivers")
-#: Least share of what is built that stands in whole buildings of the parents.
-LEAST_INTEGRITY = 0.5
-#: The least bound of the fabric distance; and how many times the codes' own distance it may be.
-NEAR, TIMES_CODED = 0.15, 2.0
-#: How many times the small buildings of the parent with most of them; the least bound, 1/ha.
-TIMES_SMALL, FEW_SMALL = 1.3, 0.1
-#: By how much the share of slivers may exceed that of the code with most of them.
-MORE_SLIVERS = 0.03
+USUAL_GOALS = ("autosimilarity", "alignment", "salingaros_law", "crumbs")
+#: The usual goals that have the parents' values as targets.
+OF_PARENTS = ("salingaros_law", "crumbs")
 #: The most generations that a time in minutes becomes.
 MOST_GENERATIONS = 1_000_000
 #: Births that are timed, and births before them that load what they need.
@@ -90,7 +82,9 @@ def calibrate_recipe(
     `FitnessError` if a map cannot be used or is empty, or no parent has a value of a goal.
     """
     own = bool(goals)
-    goals = list(goals) or [Goal(fitness.get(name)) for name in USUAL_GOALS]
+    goals = list(goals) or [
+        Goal(fitness.get(name), of_parents=name in OF_PARENTS) for name in USUAL_GOALS
+    ]
     drafted = [replace(goal, target=0.0) if goal.lacks_target else goal for goal in goals]
     draft = _read_recipe(recipe_text(settings, drafted, []), path)
     compile_once(draft.genome.block, kernel_parts(draft), tell)
@@ -103,10 +97,11 @@ def calibrate_recipe(
     prepared = prepare(draft, tell, check_map)
     cities = [source.city for source in prepared.sources]
     measures = [goal.measure for goal in goals]
-    guard = [getattr(fitness, name) for name in GUARD]
+    named = {goal.measure.name for goal in goals}
+    guard = [fitness.get(name) for name in GUARD if name not in named or name not in BANDS]
     values = {one.name: _values(one, prepared, cities) for one in [*measures, *guard]}
     goals, left_out = _select_goals(goals, values, own, path)
-    bounds = {one.name: _calibrate_bound(one, values[one.name]) for one in guard}
+    bounds = {one.name: calibrate_bound(one, values[one.name]) for one in guard}
     unbounded = [name for name, bound in bounds.items() if bound is None]
     bounds = [bound for bound in bounds.values() if bound is not None]
     recipe = _read_recipe(recipe_text(settings, goals, bounds, values), path)
@@ -125,6 +120,7 @@ def calibrate_recipe(
         *(
             f"{n}: no bound, for it is undefined for {_list_undefined(values[n])}"
             for n in unbounded
+            if n != "smallest_share" or len(cities) > 1
         ),
         *failures,
     ]
@@ -197,12 +193,14 @@ def _select_goals(
             undefined = _list_undefined(of_parents)
             left_out.append(f"{goal.measure.name}: no goal, for it is undefined for {undefined}")
             continue
-        if goal.lacks_target:
+        if goal.of_parents:
+            goal = replace(goal, target=parents_target(goal.measure, of_parents))
+        elif goal.lacks_target:
             goal = replace(goal, target=float(f"{defined[0]:.4g}"), of_first=True)
         kept.append(goal)
     if not kept:
         raise FitnessError(
-            f"none of the usual goals has a value for every parent: {'; '.join(left_out)}",
+            f"no usual goal has a value for every parent: {'; '.join(left_out)}",
             "a measure that has a value for every parent",
             "choose another measure with --fitness, or choose other cities",
         )
@@ -274,23 +272,6 @@ def _option_value(goal: Goal, path: Path) -> str:
     with contextlib.suppress(ValueError):  # on another drive
         return os.path.relpath(file)
     return file
-
-
-def _calibrate_bound(measure: Measure, values: Mapping[str, tuple[float, float]]) -> Bound | None:
-    """The bound of the guard on a ``measure``; None if a parent lacks the value."""
-    maps, codes = zip(*values.values(), strict=True)
-    if any(map(math.isnan, codes)):
-        return None
-    if measure.name == fitness.integrity.name:
-        return Bound(measure, min=min(LEAST_INTEGRITY, round_bound(max(codes), up=False)))
-    if measure.name == fitness.small_buildings.name:
-        most = max(TIMES_SMALL * max(maps), FEW_SMALL)
-        if min(codes) > most:
-            return Bound(measure, max=round_bound(min(codes), up=True), relaxed=True)
-        return Bound(measure, max=round_bound(most, up=False))
-    if measure.name == fitness.slivers.name:
-        return Bound(measure, max=round_bound(max(codes) + MORE_SLIVERS, up=True))
-    return Bound(measure, max=max(NEAR, round_bound(TIMES_CODED * max(codes), up=True)))
 
 
 def _describe_failures(trials: Sequence[Outcome], limit: float) -> tuple[list[str], str]:

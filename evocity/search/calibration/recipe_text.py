@@ -9,8 +9,7 @@ from typing import Any
 
 from evocity import operators
 from evocity.fitness import Measure
-from evocity.recipe.mixture import OperatorEntry
-from evocity.recipe.recipe import Recipe
+from evocity.recipe.mixture import OperatorEntry, plan_operators, usual_operators
 from evocity.recipe.sections import GenomeSection
 
 _WIDTH = 100
@@ -37,7 +36,8 @@ class RecipeSettings:
 class Goal:
     """A measure as a goal. ``file``: its file, as the recipe names it; ``several``: whether this
     has other measures too. ``goal``: "max" or "min" in place of the measure's own; ``target``: a
-    number in place of a goal; ``of_first``: whether that is the first parent's value."""
+    number in place of a goal; ``of_first``: whether that is the first parent's value;
+    ``of_parents``: whether that is what all parents have."""
 
     measure: Measure
     file: str | None = None
@@ -45,16 +45,20 @@ class Goal:
     target: float | None = None
     goal: str | None = None
     of_first: bool = False
+    of_parents: bool = False
 
     @property
     def lacks_target(self) -> bool:
         """Whether there is neither a goal nor a target."""
-        return self.target is None and self.goal is None and self.measure.goal is None
+        directed = self.goal is not None or self.measure.goal is not None
+        return self.target is None and (self.of_parents or not directed)
 
     @property
     def direction(self) -> str | None:
         """ "max" or "min"; None for a target, given or to come."""
-        return None if self.target is not None else self.goal or self.measure.goal
+        if self.of_parents or self.target is not None:
+            return None
+        return self.goal or self.measure.goal
 
 
 @dataclass(frozen=True)
@@ -89,14 +93,38 @@ _REASONS = {
     ),
     "slivers": (
         "slivers: share of buildings that are less than 5 m wide, mostly strips of roofs. The "
-        "bound is .03 above the code of the parent that has more of them."
+        "bound is .06 above the code of the parent that has more of them."
+    ),
+    "street_distance": (
+        "street_distance: how far the streets are from those of the nearest parent. Of pairs of "
+        "windows of one city, half are less than .1 apart. The bound is the larger of .1 and twice "
+        "what the parents' own codes have."
+    ),
+    "repetition": (
+        "repetition: share of built ground whose place in a parent stands on the map twice. In a "
+        "window of a real city every place stands once. Without this bound a search mirrors and "
+        "copies quarters."
+    ),
+    "smallest_share": (
+        "smallest_share: share of the parent from which the least built ground comes. The bound is "
+        "half of an equal share. Without it most searches breed copies of one parent. The parents "
+        "themselves cannot keep it: only children can."
+    ),
+    "gsi": (
+        "gsi: built share of the ground. The band reaches from a tenth below the least to a tenth "
+        "above the most that the parents' maps and codes have. Without it a search hollows "
+        "districts out; to breed another density, make gsi a goal with a target."
+    ),
+    "fsi": (
+        "fsi: floor area for each square metre of ground. The band reaches from a tenth below the "
+        "least to a tenth above the most that the parents' maps and codes have."
     ),
 }
-#: What a target means, by whether it is the first parent's value.
-_TARGET = {
-    True: "It has no goal of its own: the target is what the code of the first has.",
-    False: "The nearer the target, the better.",
-}
+#: What a target means.
+_OF_FIRST = "It has no goal of its own: the target is what the code of the first has."
+_OF_PARENTS = "The nearer the target, the better: it is the mean of the parents' maps."
+_OF_LAW = "The nearer the target, the better: the parents' maps have the law, so it is 1."
+_TARGET = "The nearer the target, the better."
 _RELAXED = "The codes of the parents have more than that: the bound is what the better of them has."
 
 
@@ -133,7 +161,8 @@ def recipe_text(
         ),
         *(_parent(parent, k in uncredited) for k, parent in enumerate(settings.parents)),
         _genome(),
-        _operators(),
+        _operators(len(settings.parents)),
+        *([_search()] if len(settings.parents) > 1 else []),
         _comment("-- goals: what the search improves " + "-" * 50),
         *(_goal(goal, guarded.pop(goal.measure.name, None), values) for goal in goals),
     ]
@@ -142,8 +171,8 @@ def recipe_text(
             _comment("-- the guard: what every birth should keep " + "-" * 37)
             + _comment(
                 "An individual that breaks a bound loses to all that keep them. The code of at "
-                "least one parent keeps each bound; the values are those of the parents' maps, and "
-                "of their codes as they are decoded."
+                "least one parent keeps each bound, except that on smallest_share. The values are "
+                "those of the parents' maps, and of their codes as they are decoded."
             )
         )
     parts += [
@@ -209,12 +238,28 @@ def _genome() -> str:
     )
 
 
-def _operators() -> str:
-    mixture = Recipe.model_fields["operators"].get_default(call_default_factory=True)
+def _operators(parents: int) -> str:
+    mixture = plan_operators() if parents > 1 else usual_operators()
     table = {name: _entry(entry) for name, entry in mixture.items()}
     comments = {name: _first_sentence(operators.operators()[name]) for name in mixture}
     about = "weights of a mixture; a range is drawn at each birth"
     return _table("[operators]", table, comments, about)
+
+
+#: Keys of ``[search]`` in a new recipe with several parents.
+_SEARCH: Mapping[str, tuple[float, str]] = {
+    "distinct": (1.0, "share of the living that should differ from each other"),
+    "apart": (0.15, "two cities differ if more of their pixels differ by a storey"),
+    "per_plan": (8, "most of the living with one changed plan of streets"),
+    "source_plans": (0.25, "share of the living that is kept for the plans of the parents"),
+    "twins": (0.005, "births that differ from a living one in a smaller share do not enter"),
+    "mates": (1.0, "share of the crossings whose two parents have one plan"),
+}
+
+
+def _search() -> str:
+    values = {key: value for key, (value, _) in _SEARCH.items()}
+    return _table("[search]", values, {key: about for key, (_, about) in _SEARCH.items()})
 
 
 def _parent(entry: Mapping[str, Any], uncredited: bool) -> str:
@@ -244,9 +289,16 @@ def _goal(goal: Goal, bound: Bound | None, values: Mapping) -> str:
         entry["goal"] = goal.direction
     text = f"{measure.name}: {measure.summary}" if measure.summary else f"{measure.name}."
     directions = {"max": "More of it is better.", "min": "Less of it is better."}
-    text += " " + directions.get(goal.direction, _TARGET[goal.of_first])
+    text += " " + directions.get(goal.direction, _describe_target(goal))
     entry |= {} if bound is None else bound.keys
     return _comment(text + _parent_values(measure.name, values)) + _table("[[fitness]]", entry)
+
+
+def _describe_target(goal: Goal) -> str:
+    if goal.of_parents:
+        lawful = goal.measure.name == "salingaros_law" and goal.target == 1
+        return _OF_LAW if lawful else _OF_PARENTS
+    return _OF_FIRST if goal.of_first else _TARGET
 
 
 def _reason(bound: Bound, values: Mapping) -> str:
@@ -289,4 +341,4 @@ def _with_comment(line: str, text: str) -> str:
     if not text:
         return line
     whole = f"{line:<24} # {text}"
-    return whole if len(whole) <= _WIDTH else f"# {text}\n{line}"
+    return whole if len(whole) <= _WIDTH else _comment(text) + line

@@ -3,6 +3,8 @@
 If no parent keeps a bound, births must reach it from outside. With most measures they can, and a
 note tells the user how far away the parents are. Births have no more of their parents than these
 have themselves (`integrity`, `fabric_distance`): such a bound is then a fault of the recipe.
+Founders have one city each, so they always break a bound on `smallest_share`; only children must
+keep it.
 """
 
 import math
@@ -15,7 +17,8 @@ import numpy as np
 from evocity.errors import RecipeError
 from evocity.evaluation import Engine
 from evocity.evaluation.evaluator import Outcome
-from evocity.fitness import Constraint
+from evocity.fitness import Constraint, smallest_share
+from evocity.fitness.part import own_name
 from evocity.recipe.values import PARENTS
 from evocity.search.preparation.preparation import Prepared
 from evocity.selection.algorithms import First
@@ -28,11 +31,13 @@ _DIGITS = 3
 @dataclass(frozen=True)
 class ParentConstraint:
     """A constraint, and the ``values`` that the parents' codes have, name -> number, NaN if
-    undefined; ``inherited``: whether its measure is of what births have of their parents."""
+    undefined; ``inherited``: whether its measure is of what births have of their parents;
+    ``crossed``: whether only children of several parents can keep it."""
 
     constraint: Constraint
     values: dict[str, float]
     inherited: bool
+    crossed: bool = False
 
     @property
     def keepers(self) -> set[str]:
@@ -115,6 +120,7 @@ def parent_constraints(prepared: Prepared, outcomes: Sequence[Outcome]) -> list[
             {name: values.get(wanted.measure.name, math.nan) for name, values in known},
             "sources" in wanted.measure.takes
             or ("reference" in wanted.measure.takes and entry.compared == PARENTS),
+            own_name(wanted.measure.name) == smallest_share.name,
         )
         for entry, wanted in zip(entries, prepared.aims.wanted, strict=True)
         if wanted.constraint is not None
@@ -123,6 +129,7 @@ def parent_constraints(prepared: Prepared, outcomes: Sequence[Outcome]) -> list[
 
 def describe_unkept(constraints: Sequence[ParentConstraint]) -> list[str]:
     """Describe what is wrong with ``constraints``. Raises as `describe_unkept_bounds`."""
+    constraints = [one for one in constraints if not one.crossed]
     if not any(one.values for one in constraints):
         return []
     unkept = [one for one in constraints if not one.keepers]

@@ -67,7 +67,7 @@ def _refuse_unsuited(genome: Any, recipe: Recipe, parent: Parent) -> None:
         raise GenomeError(
             f"the genome of {parent.place} has {unsuited[0]}",
             f"{unsuited[1]}, as [map] of the recipe says",
-            "set pixels and metres_per_pixel in [map] to the values of the genome, and choose "
+            "set 'pixels' and 'metres_per_pixel' in [map] to the values of the genome, and choose "
             "parents with the same window",
         )
     fabric = recipe.kind.fabric(genome)
@@ -77,8 +77,8 @@ def _refuse_unsuited(genome: Any, recipe: Recipe, parent: Parent) -> None:
     if steepest > np.float32(recipe.genome.sigma_max):
         raise GenomeError(
             f"the genome of {parent.place} has contrasts σ with |σ| up to {steepest:.4g}",
-            f"|σ| of at most {recipe.genome.sigma_max:g}, the value of sigma_max in [genome]",
-            f"set sigma_max to {fabric.sigma_max:g} or more, or choose another genome",
+            f"|σ| of at most {recipe.genome.sigma_max:g}, the value of 'sigma_max' in [genome]",
+            f"set 'sigma_max' to {fabric.sigma_max:g} or more, or choose another genome",
         )
     if fabric.condensation is not None and not recipe.locked.given:
         raise GenomeError(

@@ -255,21 +255,21 @@ def send(path: str | os.PathLike, command: Command) -> bool:
 
 
 def pick(path: str | os.PathLike, ids: Sequence[int], share: float | None = None) -> bool:
-    """Use the individuals with these ``ids`` of the run in ``path`` as additional parents, from the
-    next generation on and also after a resume.
+    """Use the individuals with these ``ids`` as additional parents of the run in ``path``, from the
+    next generation on, and even after a resume.
 
     A picked individual is the first parent in the given ``share`` of all births (0…1; by default
     the key ``picks`` of the recipe's section ``[search]``). Individuals that were picked earlier
     stay picked.
 
-    Returns whether the run is in progress now. Raises `RunError` if an individual was never born,
-    if it failed, or if the algorithm of the run accepts no picks.
+    Returns whether the run is in progress now. Raises `RunError` if one of the individuals was
+    never born, if its birth failed, or if the algorithm of the run accepts no picks.
     """
     try:
         command = Pick(ids=tuple(ids), share=share)
     except (ValidationError, TypeError) as error:
         raise RunError(
-            f"the picks {_list_ids(ids)} with the share {spell(share)} are not valid",
+            f"the picked births {_list_ids(ids)} with the share {spell(share)} are not valid",
             "one or more ids of births, and a share above 0 and at most 1",
             "take ids from `evocity status`, from the report, or from the births' column `id`",
         ) from error
@@ -281,9 +281,9 @@ def refuse_picks(algorithm: str) -> None:
     kind = algorithms().get(algorithm)
     if kind is not None and kind.breeds_by is not None:
         raise RunError(
-            f"the algorithm {algorithm} chooses its parents by itself and takes no picks",
-            "a run whose algorithm lets the search choose parents",
-            "start another run with the picks as [[parents]] (keys 'run' and 'id')",
+            f"the algorithm {algorithm} chooses all parents, so users cannot pick parents",
+            "a run with another algorithm, which lets users pick parents",
+            "start another run with the picked births as [[parents]] (keys 'run' and 'id')",
         )
 
 
@@ -374,7 +374,7 @@ def refuse_weights(
         if name in sums and weight == 0:
             raise RunError(
                 f"{where}: the new weight of the measure {name} is 0",
-                "a weight above 0 for each measure in a sum",
+                "a weight above 0 for each measure in a weighted sum",
                 "give the measure a small weight instead, such as 0.001",
             )
     weights = {**orders.weights, **command.weights}

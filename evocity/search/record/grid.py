@@ -70,7 +70,7 @@ def binned(
     grid = grid_of_run(run) if grid is None else grid
     if grid is None:
         raise RunError(
-            f"the run {run.path} has no grid, and no grid was given",
+            f"the run {run.path} has no grid, and the call gives no grid",
             "a run of the algorithm map_elites, or a grid for the births",
             "pass a grid: evocity.selection.cells.Grid(descriptors, counts, ranges)",
         )
@@ -85,7 +85,8 @@ def binned(
         raise RunError(
             f"{run.path} does not log the descriptors {', '.join(missing)}",
             f"descriptors among the logged measures: {', '.join(run.header.columns)}",
-            "choose other descriptors, or record these in the recipe: [run] record = [...]",
+            "choose other descriptors, or record the missing ones in the recipe: [run] record = "
+            "[...]",
         )
     last = len(run.generations) - 1 if last is None else last
     births = measured_births(run, aims.bounds, grid.descriptors)

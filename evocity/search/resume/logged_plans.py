@@ -26,7 +26,7 @@ def plan_of(run: RunLog, prepared: Prepared, identifier: int) -> Plan:
     if recipe.search.breeds_by is not None and identifier >= recipe.run.population:
         raise RunError(
             f"{run.path}: the algorithm {recipe.search.algorithm} bred individual {identifier} "
-            "with the operator of the algorithm",
+            "with its own operator",
             "a run that breeds with the operators of the recipe",
             "read the parameters of the operator in the genome's attribute `made`",
         )
@@ -35,7 +35,8 @@ def plan_of(run: RunLog, prepared: Prepared, identifier: int) -> Plan:
     if (plan.name, tuple(plan.parents)) != (birth.operator, tuple(birth.parents)):
         raise RunError(
             f"{run.path}: individual {identifier} was bred by {birth.operator} from "
-            f"{list(birth.parents)}, but the seed now gives {plan.name} from {list(plan.parents)}",
+            f"{list(birth.parents)}, but the run's random seed now gives {plan.name} from "
+            f"{list(plan.parents)}",
             "a run of this release of evocity, whose births follow from its seed",
             "choose another individual",
         )

@@ -155,7 +155,7 @@ def _refuse_another_run(run: RunLog, header: Header, recipe: Recipe) -> None:
             f"{run.path}: generations = {recipe.run.generations}, but the run already has {done} "
             "generations",
             f"{done} generations or more, because a run keeps all its generations",
-            "give a larger number of generations, or leave generations out to keep the number in "
+            "give a larger number of generations, or leave 'generations' out to keep the number in "
             "the recipe",
         )
 

@@ -39,7 +39,16 @@ _BOUND = {
     "algorithm": "the algorithm learns from all births again, by the goals of their time",
 }
 #: Keys of ``[search]`` that only change how later births are bred and chosen.
-_FREE = ("picks", "adapt", "distinct", "apart")
+_FREE = (
+    "picks",
+    "adapt",
+    "mates",
+    "distinct",
+    "apart",
+    "per_plan",
+    "source_plans",
+    "twins",
+)
 #: Overrides of the first recipe that count for another one too.
 _LASTING = ("run.seed", "run.population")
 
@@ -75,8 +84,8 @@ def refuse_revision(run: RunLog, recipe: Recipe) -> None:
         f"{run.path} cannot continue with {recipe.file or 'this recipe'}:\n  {listed}",
         "changes only in these parts: weights and parameters of operators; targets, bounds and "
         "weights of measures; generations; [stop], [notify], [evaluation] and [refine]. Each "
-        "measure of the run stays a goal, a bound, or in run.record; run.record may get new ones",
-        "undo all other changes, or start a new run; its [[parents]] may be individuals of this "
+        "measure stays a goal, a bound or an entry of run.record; run.record may get new measures",
+        "undo all other changes; or start a new run, whose [[parents]] may be individuals of this "
         "run (keys 'run' and 'id')",
     )
 

@@ -105,26 +105,26 @@ def refine(
     Parameters
     ----------
     run : folder of a run, or an object of `evocity.open_run`. The run may be finished or in
-        progress, and the refinement does not change it.
+        progress, and the refinement does not change the run.
     id : id of an individual that the run has bred and measured.
     way : name of the refinement: "lambda_field", "heights", "parameters" or "fit". With
         ``way="lambda_field"``, the refinement tunes which street blocks take the fabric of other
-        individuals (`evocity.operators.LambdaField`). For each of the other individuals, the
-        refinement tunes ``side`` × ``side`` values of a field from coarse to fine, in rounds. Each
-        round of the refinement starts at the best result of the round before. With
-        ``way="heights"``, the refinement tunes ``side`` × ``side`` factors of the heights of street
-        blocks (`evocity.operators.HeightField`). With ``way="parameters"``, the refinement tunes
-        numeric parameters of the operator that bred the individual; the operator's random draws do
-        not change. With ``way="fit"``, the refinement tunes σ and β of all lifs until the decoded
-        map is closest to the map ``towards`` (`evocity.coding.fit.fit_attractor`). With
+        individuals (`evocity.operators.LambdaField`). The refinement by "lambda_field" tunes a
+        field of ``side`` × ``side`` values for each of the other individuals, from coarse to fine,
+        in rounds. Each round of the refinement starts at the best result of the previous round.
+        With ``way="heights"``, the refinement tunes ``side`` × ``side`` factors of the heights of
+        street blocks (`evocity.operators.HeightField`). With ``way="parameters"``, the refinement
+        tunes numeric parameters of the operator that bred the individual; the operator's random
+        draws do not change. With ``way="fit"``, the refinement tunes σ and β of all lifs until the
+        decoded map is closest to the map ``towards`` (`evocity.coding.fit.fit_attractor`). With
         ``way="fit"``, the refinement ignores the goals of the run.
-    budget : largest number of evaluations, 1…1000000. If several children are equal, the refinement
-        measures only the first.
+    budget : largest number of evaluations, 1…1000000. If several children have equal genomes, the
+        refinement measures only the first of these children.
     algorithm : name of NLopt's algorithm, "sbplx", "cobyla" or "bobyqa"; the refinement with
-        ``way="fit"`` does not use it.
+        ``way="fit"`` ignores this name.
     side : number of values along each side of a field, 1…16; 4 to 8 is a good choice.
-    rounds : number of rounds, 1…1000. The default number of rounds is one for each ten evaluations
-        with "sbplx", and four with the other algorithms.
+    rounds : number of rounds of the refinement, 1…1000. The default number of rounds is one for
+        each ten evaluations with "sbplx", and four with the other algorithms.
     others : ids of the other individuals whose fabric the refinement tries in each round. By
         default, each round uses two other individuals: one that ``seed`` draws from the last
         generation, and a variant of the refined individual. In three steps, the run's operators
@@ -138,8 +138,8 @@ def refine(
 
     Returns
     -------
-    Refined : result of the refinement. In the result's genome, the attribute ``made`` describes the
-        refinement under the key ``refined``.
+    Refined : result of the refinement, with the refined genome. In the result's genome, the
+        attribute ``made`` describes the refinement under the key ``refined``.
 
     Raises
     ------
@@ -148,9 +148,9 @@ def refine(
     OperatorError : error if the individual has nothing that the refinement can tune.
     EvocityError : the argument ``way`` or ``algorithm`` is unknown, or a number is out of range.
 
-    A failed child counts as an evaluation, and as worse than all children that succeeded. If a
-    user's measure raises an exception in this process that does not count as a failed child, the
-    refinement ends, as with Ctrl-C.
+    A failed child counts as an evaluation, and as worse than all children that succeeded. An
+    exception of your own measure ends the refinement, as Ctrl-C does, unless evocity counts the
+    exception as a failed child.
     """
     _refuse_arguments(way, budget, algorithm, side, rounds, towards)
     say = told or (lambda text: None)
@@ -260,9 +260,9 @@ class Donors:
         self._others = [other for other in others if other.genome.digest != birth.genome.digest]
         if self._named and not self._others:
             raise RunError(
-                f"{run.path}: all other individuals have the genome of individual {birth.id}",
+                f"{run.path}: all other individuals have the same genome as individual {birth.id}",
                 "at least one individual with a different genome",
-                "name other individuals, or name no individual to take fabric from the last "
+                "name other individuals, or name no individual to take genomes from the last "
                 "generation",
             )
         self._breed, self._sources = breed, sources

@@ -48,18 +48,20 @@ def replay(
     """Repeat births of a run, and compare the parents, operator, child and measures of each birth
     with the log. Return one result for each of the ``ids``, in the same order.
 
-    The run may be in progress, and replaying it does not change it. Replaying executes the measure
-    files in the run folder.
+    The run may be in progress; replaying births does not change the run. Replaying executes the
+    measure files in the run folder.
 
     ids : ids of the births to repeat; None repeats all births.
-    trust, accept_changes : permissions, as in `evocity.Search.resume`.
-    workers : number of processes, with the recipe's deadline and memory limit. With ``workers=0``,
-        this process repeats the births without limits of time and memory. Births that exceeded a
-        limit or whose worker died are bred if the log has their genomes, but are not measured.
+    trust, accept_changes : permissions to execute measures and to accept changes, as in
+        `evocity.Search.resume`.
+    workers : number of worker processes, which keep the recipe's deadline and memory limit. With
+        ``workers=0``, this process repeats the births without limits of time and memory. A birth
+        that exceeded a limit, or whose worker died, is bred if the log has its genome, but is not
+        measured.
     progress : function that is called with the number of finished births.
 
-    Raises `RunError` if one of the ``ids`` is not a birth of the run, and for the same faults as
-    `evocity.Search.resume`.
+    Raises `RunError` if one of the ``ids`` is not a birth of the run, and in the cases in which
+    `evocity.Search.resume` raises it.
     """
     run = run if isinstance(run, RunLog) else CompleteRun(run)
     expected = "a whole number of processes, 0 or more"

@@ -13,8 +13,8 @@ from evocity.store import BackgroundWriter, Birth, Member
 
 
 class Observer:
-    """Base class for objects that follow a search. A subclass overrides `generation`, `event` or
-    both; these methods return nothing.
+    """Base class for objects that follow a search. A subclass overrides the method `generation`,
+    the method `event`, or both; these methods return nothing.
 
     Pass an observer to `Search`, or to `Search.observe`. If an observer raises an error, the search
     logs the error, removes this observer and continues.

@@ -66,7 +66,7 @@ def refuse_past_time(section: StopSection, clock: Clock) -> None:
         raise RecipeError(
             f"stop.until: {section.until!r} has passed",
             "a date with a time in the future, or a time of the day such as 07:00",
-            "write a later date, or leave stop.until out",
+            "write a later date, or remove the key 'until' from [stop]",
         )
 
 

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from evocity.section import Fault, Section
 from evocity.selection.individual import Individual
+from evocity.selection.niches import choose_by_plan
 from evocity.selection.thumbprints import distinct_first
 
 #: Individuals, for example the living of a generation.
@@ -33,10 +34,11 @@ class First:
 
 
 class Algorithm(ABC):
-    """A selection algorithm: it selects survivors and parents. Lower losses are better.
+    """A selection algorithm, which selects the survivors and the parents. For all algorithms, lower
+    losses are better than higher losses.
 
-    The decisions of an algorithm depend only on its input, and not on the order of this input: a
-    resumed run passes the living individuals to `judged`.
+    An algorithm must decide only by its input, whatever the order of the input, because a resumed
+    run passes the living individuals to `judged`.
 
     name : name of the algorithm in recipes.
     marks : names of additional columns of the log's table ``membership``. Each column has a number
@@ -53,7 +55,7 @@ class Algorithm(ABC):
     ----------
     size : number of births in a generation; most algorithms keep at most this number of individuals
         alive.
-    keys : an instance of the class ``Keys``.
+    keys : the algorithm's own keys, an instance of the class ``Keys``.
     """
 
     name: ClassVar[str]
@@ -79,13 +81,13 @@ class Algorithm(ABC):
         return ()
 
     def begin(self, first: First) -> None:  # noqa: B027
-        """Receive the first generation, before any other call of the algorithm. A resumed run calls
-        `begin` again, and so does a change of the weights of goals. Raises `RecipeError` if the
-        algorithm cannot begin with this generation."""
+        """Receive the first generation, before any other method of the algorithm is called. The
+        method `begin` is called again when a run is resumed, and when the weights of goals change.
+        Raises `RecipeError` if the algorithm cannot begin with the first generation."""
 
     def summary(self, living: Living) -> dict[str, float]:
-        """Compute the numbers that ``figures`` names, for all ``living`` individuals together; the
-        log holds the finite numbers of each generation."""
+        """Compute the numbers that the attribute ``figures`` names, for all ``living`` individuals
+        together; the log holds the finite numbers of each generation."""
         return {}
 
     def settings(self, first: int, sources: int, rng: Rng) -> list[Mapping[str, object]]:
@@ -97,8 +99,8 @@ class Algorithm(ABC):
     @abstractmethod
     def survivors(self, candidates: Living, look: Look, rng: Rng) -> list[Individual]:
         """Select the survivors, best first, with rank and marks as in `judged`. The function
-        ``look`` gives the map of an individual where the map matters; all random draws are from
-        ``rng``."""
+        ``look`` returns the map of an individual, for algorithms that compare maps; the generator
+        ``rng`` makes all random draws."""
 
     @abstractmethod
     def judged(self, living: Living) -> list[Individual]:
@@ -112,8 +114,8 @@ class Algorithm(ABC):
 
     @abstractmethod
     def parents(self, living: Living, count: int, rng: Rng) -> list[int]:
-        """Select ``count`` of the ``living`` individuals as parents, and return their indices; all
-        indices differ while possible."""
+        """Select ``count`` of the ``living`` individuals as parents, and return their indices,
+        which differ if enough individuals live."""
 
 
 def one_goal_faults(algorithm: str, goals: int) -> list[Fault]:
@@ -136,15 +138,25 @@ class Order:
 
 class DistinctKeys(Section):
     """``distinct``: the share of the living that differ pairwise; two differ if their heights
-    differ by more than a storey in more than the share ``apart`` of the map's pixels."""
+    differ by more than a storey in more than the share ``apart`` of the map's pixels.
+
+    ``per_plan``: most of the living that have one changed plan of streets; 0 for no limit.
+    ``source_plans``: the share of the living that is kept for the plans of the source cities, in
+    equal parts. ``twins``: births do not enter if their heights differ from a living individual by
+    more than a storey in less than this share of the pixels.
+    """
 
     distinct: float = Field(0.5, ge=0, le=1)
     apart: float = Field(0.25, ge=0, lt=1)
+    per_plan: int = Field(0, ge=0, le=1_000_000)
+    source_plans: float = Field(0.0, ge=0, le=1)
+    twins: float = Field(0.0, ge=0, lt=1)
 
 
 class Ranked(Algorithm):
     """(µ + λ) by a total order: the best live, and among them as many distinct ones as ``distinct``
-    requires, if so many keep the constraints. Each parent is the better of two drawn.
+    requires, if so many keep the constraints. Niches of plans have places and limits, see
+    `evocity.selection.niches`. Each parent is the better of two drawn.
 
     A subclass has an ``_order``, and at most one mark, the worth of an individual within its rank.
     """
@@ -158,10 +170,19 @@ class Ranked(Algorithm):
         best = self._best_first(*losses_and_violations(candidates), rng)
         wanted = round(self.keys.distinct * self.size)
         keep = np.array([not candidates[i].violation for i in best], bool)
+        niches = self.keys.per_plan or self.keys.source_plans
         if wanted and np.count_nonzero(keep) > self.size:
-            eligible = best[keep]
+            eligible, broken = best[keep], best[~keep]
             looks = [look(candidates[i]) for i in eligible]
             best = eligible[self._distinct_first(looks, wanted)]
+            # a plan of a source city may live in children that break constraints
+            if niches and broken.size:
+                looks = [look(candidates[i]) for i in broken]
+                best = np.concatenate([best, broken[self._distinct_first(looks, wanted)]])
+        if niches:
+            ordered = [candidates[i] for i in best]
+            limits = self.keys.per_plan, self.keys.source_plans
+            best = best[choose_by_plan(ordered, self.size, *limits)]
         return self.judged([candidates[i] for i in best[: self.size]])
 
     def judged(self, living: Living) -> list[Individual]:

@@ -19,7 +19,7 @@ export class Ancestors {
     if (!count) return;
     const most = Math.max(...every), place = every.indexOf(most), when = span > 1 ? `generations ${place * span} to ${place * span + span - 1}` : `generation ${place}`;
     this.words.textContent = `The bars count all ${countText(count)} ancestors by the generation of their birth. The red part of the bars counts the ${countText(pictured)} ancestors whose pictures appear above the bars.`;
-    this.canvas.setAttribute("aria-label", `${this.words.textContent} The highest bar counts ${countText(most)} ancestors, born in ${when}.`);
+    this.canvas.setAttribute("aria-label", `${this.words.textContent} The highest bar stands for ${countText(most)} ancestors that were born in ${when}.`);
     this.draw();
   }
 

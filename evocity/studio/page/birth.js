@@ -117,6 +117,7 @@ export class BirthPane {
     if (birth.status === "ok" && !birth.feasible) element(this.facts, "p", "lack", "✕ This birth breaks a bound.");
     this.showMeasures(birth, other);
     this.showShares(birth.stones);
+    if (birth.scarce) element(this.facts, "p", "lack", birth.scarce);
     this.showLinks("parents", birth.parents);
     this.showLinks("children", birth.children);
     this.showRecord(birth);

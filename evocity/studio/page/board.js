@@ -10,9 +10,9 @@ const SOON = 250, LOOK = 120;
 const OPERATORS = [
   ["pavement_fusion", "macro-blocks", "You place squares on the map, and the second parent replaces the first parent inside these squares."],
   ["region_fusion", "regions", "You place squares of the second parent; each square grows to include every building that it touches."],
-  ["interpolation", "share λ for each lifs", "The number λ that you paint sets the share of the second parent in each lifs (affine map)."],
-  ["stepwise", "share λ for each decoding step", "The number λ that you paint sets the share of the second parent in each step of decoding."],
-  ["lambda_field", "share λ for each street block", "The number λ that you paint sets the share of street blocks with buildings from the second parent."],
+  ["interpolation", "share λ of the second parent in each lifs", "The number λ that you paint sets the share of the second parent in each lifs (affine map)."],
+  ["stepwise", "share λ of the second parent in each decoding step", "The number λ that you paint sets the share of the second parent in each step of decoding."],
+  ["lambda_field", "share λ of street blocks from the second parent", "The number λ that you paint sets the share of street blocks with buildings from the second parent."],
 ];
 /** Tools that mark cells: the layer and an explanation. */
 const MARKS = { lock: ["locked", "In the cells that you mark, the child keeps the building heights of the first parent."],
@@ -44,7 +44,7 @@ export class Board {
     this.tolerance = this.select(this.sizes, "height difference along the outline of a square ", [["1000", "any"], ["12", "at most 12 m"],
       ["6", "at most 6 m"], ["3", "at most 3 m"]]);
     this.paints = element(this.form, "div", "row");
-    this.brush = this.select(this.paints, "brush ", BRUSHES.map((one) => [String(one), `${one} × ${one} cells`]));
+    this.brush = this.select(this.paints, "brush ", BRUSHES.map((one) => [String(one), `squares of ${one} × ${one} cells`]));
     this.brush.value = "3";
     this.level = element(element(this.paints, "label", "", "λ, share of the second "), "input", "", "", { type: "number", min: "0", max: "1", step: "0.1" });
     this.level.value = "1";
@@ -247,7 +247,7 @@ export class Board {
     const { row, column, unit } = this.spot, metres = unit * this.about.metres;
     const [y, x] = this.at.map((px) => Math.floor(px / this.about.cell));
     const { columns, painted, blocks, locked, within } = this.layers, here = y * columns + x;
-    const parts = [`${Math.round(row * metres)} m from the north edge and ${Math.round(column * metres)} m from the west edge`];
+    const parts = [`${Math.round(row * metres)} m from the north edge and ${Math.round(column * metres)} m from the west edge of the map`];
     if (this.isPainted) parts.push(`λ ${+painted[here].toFixed(2)}`);
     else parts.push(`${blocks.length} macro-blocks`);
     if (locked[here]) parts.push("locked");

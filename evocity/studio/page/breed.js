@@ -97,7 +97,7 @@ export class Breed {
 
   choose() {
     const one = this.operators.find(({ name }) => name === this.operator.value);
-    this.words.textContent = one ? one.told : "The operators breed one child each, in turn, so that you can compare the children of different operators.";
+    this.words.textContent = one ? one.told : "The operators take turns to breed the children, so that you can compare the children of different operators.";
     this.more.hidden = !one;
     this.parameters.replaceChildren();
     for (const { name, default: usual } of one ? one.parameters : []) {
@@ -168,7 +168,7 @@ export class Breed {
     const count = (stage) => children.filter((one) => one.stage === stage).length;
     const bred = count("bred") + count("measured");
     const text = error || (busy && !children.length ? "starting workers …" : !children.length ? "" :
-      `${bred} of ${children.length} children are bred, ${count("measured")} are measured` +
+      `Studio has bred ${bred} of ${children.length} children, and has measured ${count("measured")}` +
       (count("failed") ? `, ${count("failed")} failed` : "") + (busy ? " …" : ".") +
       (count("failed") === children.length ? ` ${children[0].error}` : ""));
     if (this.state.textContent !== text) this.state.textContent = text;
@@ -226,7 +226,7 @@ export class Breed {
       context.strokeStyle = "#34302e";
       if (place === this.shown) context.strokeRect(0, 0, SIZE, SIZE);
       button.setAttribute("aria-pressed", String(place === this.shown));
-      button.setAttribute("aria-label", `child ${place}, ${operator.replaceAll("_", " ")}, ${stage}${isKept ? ", marked" : ""}`);
+      button.setAttribute("aria-label", `child ${place}, bred by ${operator.replaceAll("_", " ")}, ${stage}${isKept ? ", marked" : ""}`);
     }
   }
 

@@ -5,7 +5,8 @@ import { Starts } from "./starts.js";
 
 /** Milliseconds between two looks at a calibration or a reading. */
 const SOON = 400;
-const WANTS = [["max", "as high as possible"], ["min", "as low as possible"], ["target", "a target"], ["first", "the value of the first parent"]];
+const WANTS = [["max", "as high as possible"], ["min", "as low as possible"], ["target", "a target"], ["first", "the value of the first parent"],
+  ["parents", "the mean of the parents"]];
 /** Limits of the length of a run, in generations and in minutes. */
 const LENGTHS = { generations: { max: 1000000, step: 1 }, minutes: { max: 525600, step: "any" } };
 /** A name that a folder can have. */
@@ -242,7 +243,7 @@ export class Desk {
     option("latitude", "lat", { min: -89.999999, max: 89.999999 });
     option("default height, m", "default_height", LENGTH).placeholder = 6;
     if (takes.includes("layer")) option("layer that contains the buildings", "layer");
-    if (takes.includes("height_scale")) option("height of one grey level, or of one unit of a raster, in metres", "height_scale", LENGTH);
+    if (takes.includes("height_scale")) option("height in metres of one grey level in a picture, or of one unit in a raster", "height_scale", LENGTH);
     if (own) {
       const remove = element(item, "button", "", `remove ${title}`, { type: "button" });
       remove.addEventListener("click", async () => {

@@ -45,7 +45,7 @@ export class Layers {
   /** Mark a layer by a picture over the whole map: each cell with at least half of its pixels neither black nor
    * transparent. Returns the number of marked cells. */
   async mark(layer, file) {
-    if (file.size > MOST_BYTES) throw new Error(`${file.name} is larger than studio accepts (${Math.round(file.size / 1e6)} MB). Choose a picture of at most ${MOST_BYTES / 1e6} MB.`);
+    if (file.size > MOST_BYTES) throw new Error(`Studio does not accept the picture ${file.name}, because the file is too large (${Math.round(file.size / 1e6)} MB). Choose a picture of at most ${MOST_BYTES / 1e6} MB.`);
     let picture;
     try {
       picture = await createImageBitmap(file, { premultiplyAlpha: "none", colorSpaceConversion: "none" });

@@ -37,7 +37,7 @@ export class Pedigree {
       const x = ((place + 0.5) * width) / ids.length - this.size / 2, y = (steps.length - 1 - step) * tall;
       const city = Object.hasOwn(cities, id) ? `, ${cities[id]}` : "";
       const button = element(this.root, "button", "node", "", {
-        type: "button", title: `birth ${id}${city}`, "aria-label": `birth ${id}${city}, ${step} steps before the selected birth`,
+        type: "button", title: `birth ${id}${city}`, "aria-label": `birth ${id}${city}, ${step} child-to-parent steps before the selected birth`,
       });
       Object.assign(button.style, { left: `${x}px`, top: `${y}px`, width: `${this.size}px`, height: `${this.size + CAPTION}px` });
       const picture = element(button, "canvas", "", "", { "aria-hidden": "true" });

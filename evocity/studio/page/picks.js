@@ -16,8 +16,8 @@ export class Picks {
     this.list = element(parent, "ul", "picks");
     this.emptyText = element(parent, "p", "faint", "No picks yet. Click a birth to choose it; hold Ctrl and click to choose more births. Then pick the chosen births. You can add a note to each pick.");
     this.steer = element(parent, "div", "row");
-    this.button(this.steer, "let the run breed from the picks", () => this.command("pick"));
-    this.button(this.steer, "stop the run from breeding from the picks", () => this.command("drop"));
+    this.button(this.steer, "use the picked births as parents in the run", () => this.command("pick"));
+    this.button(this.steer, "stop using the picked births as parents in the run", () => this.command("drop"));
     this.message = element(parent, "p", "faint", "", { role: "status" });
     element(parent, "h2", "part", "save as files");
     const files = element(parent, "div", "row");
@@ -146,7 +146,7 @@ export class Picks {
       this.message.textContent = "copied";
     } catch {
       this.python.select();
-      this.message.textContent = "The line of Python is selected. Press Ctrl+C to copy the line.";
+      this.message.textContent = "The line of Python code is selected. Press Ctrl+C to copy the line.";
     }
   }
 }

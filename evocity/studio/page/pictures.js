@@ -3,7 +3,7 @@ import { element, number } from "./elements.js";
 /** Pictures of a birth, by their names for the server. */
 const PICTURES = [["map", "map"], ["stones", "ancestry"]];
 /** Maps of the calls to its own parts, by their names for the server, and in words. */
-const COUNTS = [["ranges", "usage", "how many lifs copy from each block"],
+const COUNTS = [["ranges", "usage", "how many lifs copy from each domain block"],
   ["pixels", "µ", "how many lifs copy from each pixel"]];
 /** Views in three dimensions, which the page draws itself. */
 const SPACES = [["columns", "3D"], ["walk", "walk"]];
@@ -134,7 +134,7 @@ export class Pictures {
         if (!isCurrent()) return;
         this.spaceView.setSolids(place, bytes);
       } catch (error) {
-        if (isCurrent()) this.legend.textContent = `Birth ${id} has no building outlines, so its walls follow the pixels: ${error.message}`;
+        if (isCurrent()) this.legend.textContent = `Birth ${id} has no building outlines, so the walls follow the pixels: ${error.message}`;
       }
     }
   }

@@ -24,7 +24,7 @@ async function request(address, options = {}) {
   if (answer.status === 403) {
     throw new Gone("This page belongs to a studio process that has ended. To continue, open the address that studio printed at its last start.");
   }
-  throw new Gone(`Studio answered with the HTTP error ${answer.status}. Read studio's messages in the terminal where you started it.`);
+  throw new Gone(`Studio answered with the HTTP error ${answer.status}. Read studio's messages in the terminal where you started studio.`);
 }
 
 /** The JSON at an address. */

@@ -51,7 +51,7 @@ function spans(parent, column, brush, on) {
     pairs.push(["from", "to"].map((word, k) => {
       element(label, "span", "faint", word);
       const input = element(label, "input", "", "", {
-        type: "number", step: "any", "aria-label": `${column.name} ${word}, span ${place}`,
+        type: "number", step: "any", "aria-label": `${column.name} ${word}, filter range ${place}`,
       });
       input.value = ends.length ? String(Number(ends[k].toPrecision(6))) : "";
       input.dataset.exact = ends.length ? ends[k] : ""; // a rounded end stays exact until a user types another

@@ -44,7 +44,7 @@ export class Cells {
       this.filled.set(place, { row, across: Math.floor(place / grid.counts[1]), up: place % grid.counts[1] });
     }
     const whole = grid.counts.reduce((product, one) => product * one, 1);
-    this.summary.textContent = `The grid has births in ${count} of ${whole} cells. Each cell shows its first birth that breaks no bound, in order of ${by.name.replaceAll("_", " ")}` +
+    this.summary.textContent = `The grid has births in ${count} of ${whole} cells. In each cell, the page sorts the births by ${by.name.replaceAll("_", " ")} and shows the first birth that breaks no bound` +
       (grid.island ? `, in the grid of island ${grid.island}` : "");
     this.lay();
   }
@@ -53,7 +53,7 @@ export class Cells {
     const slices = counts.length > 2 ? counts[2] : 0, was = this.slice.value;
     this.slice.parentNode.hidden = !slices;
     this.slice.replaceChildren(...Array.from({ length: slices }, (_, k) =>
-      element(null, "option", "", `${descriptors[2]} ${number(edges[2][k])} to ${number(edges[2][k + 1])}`, { value: String(k) })));
+      element(null, "option", "", `${descriptors[2]} from ${number(edges[2][k])} to ${number(edges[2][k + 1])}`, { value: String(k) })));
     if (was && Number(was) < slices) this.slice.value = was;
   }
 

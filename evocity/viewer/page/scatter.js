@@ -19,7 +19,7 @@ export class Scatter {
       filter.addEventListener("click", () => on.open(select.value));
       return select;
     });
-    element(row, "span", "faint", "Drag a box to filter the births. Click a dot to choose its birth. Click an empty part of the plot to clear the filter.");
+    element(row, "span", "faint", "Drag a box to filter the births. Click a dot to choose the birth that the dot shows. Click an empty part of the plot to clear the filter.");
     this.canvas = element(this.root, "canvas", "dots", "", { "aria-hidden": "true" });
     this.canvas.addEventListener("pointerdown", (event) => this.press(event));
     [this.brushes, this.chosen, this.active] = [{}, [], -1];

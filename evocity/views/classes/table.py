@@ -122,8 +122,8 @@ def _check_entries(table: ClassTable) -> None:
                 if intersection(box, earlier) is not None
             ]
             raise MapError(
-                f"{found}: earlier entries, {', '.join(first)}, take all its objects",
-                "an entry that takes objects which no earlier entry takes",
+                f"{found}: earlier entries, {', '.join(first)}, include all objects of this entry",
+                "an entry with some objects that no earlier entry includes",
                 "move this entry before the earlier entries, narrow the earlier entries, or "
                 "remove this entry",
             )

@@ -202,7 +202,7 @@ def street_graph(
     check_number("spurs", spurs, 0, np.inf, "a number of widths, 0 or more", MapError)
     if water is not None and (np.asarray(water).dtype != bool or water.shape != open_ground.shape):
         raise MapError(
-            f"the parameter water is an array of {np.asarray(water).dtype} with the shape "
+            f"the parameter 'water' is an array of {np.asarray(water).dtype} with the shape "
             f"{np.shape(water)}",
             f"an array of booleans of the shape {open_ground.shape}, one for each pixel",
             "convert the array, for example water = numbers > 0",

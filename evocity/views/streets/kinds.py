@@ -91,8 +91,8 @@ def _place(place: object) -> tuple[float, ...]:
     for name, low, high in zip(_PLACE, lowest, highest, strict=True):
         if not (is_number(place[name]) and low <= place[name] <= high and place[name] > 0):
             raise MapError(
-                f"[place] has {name} = {spell(place[name])}",
+                f"the section [place] has the invalid value {name} = {spell(place[name])}",
                 f"a number from {low:g} to {high:g}, above 0",
-                f"correct {name}, or remove it to use the default value",
+                f"correct the key {name}, or remove the key to use the default value",
             )
     return tuple(float(place[name]) for name in _PLACE)

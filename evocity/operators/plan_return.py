@@ -1,0 +1,50 @@
+"""Plan return: faces of a plan get their own buildings back."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from evocity.operators.face_filling import PlanDrafting
+from evocity.operators.plans.fill import REPEATS
+from evocity.operators.plans.planned_child import PlannedChild
+
+
+@dataclass(frozen=True)
+class PlanReturn(PlanDrafting):
+    """Give faces of the first parent's plan their own buildings back.
+
+    The buildings are those of the source city whose plan it is, in their places. The operator draws
+    faces with other buildings, or with edited ones. A face keeps its buildings if the places of its
+    own buildings stand elsewhere on the map. A parent without an inherited plan does not change.
+
+    Parameters
+    ----------
+    faces : number of faces, 1 or more; None for all. The genome's ``made["faces"]`` holds the
+        number of faces that changed.
+    repeats : largest share of the built ground in a face whose place in the source city stands
+        elsewhere on the map, 0…1.
+    repair, reach, domains : parameters of collage repair, as in `Drafting`.
+
+    Source: this operator comes from evocity.
+    """
+
+    faces: int | None = 2
+    repeats: float = REPEATS
+
+    name = "plan_return"
+    parents = (1, None)
+
+    def _change(self, child: PlannedChild, rng: np.random.Generator) -> int:
+        changed = [face for face in child.faces(0).tolist() if child.foreign(face)]
+        count = 0
+        for face in rng.permutation(np.array(changed, np.int64)).tolist():
+            if count == self.faces:
+                break
+            owner = child.owner(face)
+            if owner is not None and child.repeated(face, owner) <= self.repeats:
+                child.restore(face)
+                count += 1
+        return count
+
+
+__all__ = ["PlanReturn"]
