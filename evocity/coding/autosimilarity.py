@@ -187,7 +187,7 @@ def _check_sizes(city: CityMap, block, domains, threads, normalise) -> tuple[int
         raise GenomeError(
             f"{city.name}: {setting('block', block)} or {setting('domains', domains)} has a side "
             "that is not an integer",
-            "one side of range blocks and at least one side of domain blocks, in whole pixels",
+            "whole pixels: one number as block, and one or more numbers as domains",
             f"give, for example, {keyword('block', 8)}, {keyword('domains', (16, 20, 24))}",
         ) from error
     if block < 2 or not extents or extents[0] <= block or extents[-1] > smaller:

@@ -60,7 +60,7 @@ class Substitution:
     polygons : the footprints of the n buildings, an object array ``(n,)``, without overlaps. The
         order and the reference system of the polygons are those of ``walls``.
     heights : the height of each building in metres, float64 ``(n,)``.
-    objects : the number of the library's object that replaces each building, int32 ``(n,)``. If no
+    objects : for each building, the index of an object in the library, int32 ``(n,)``. If no
         object fits a building, the array ``objects`` has the number -1 for this building, and the
         building keeps its own form.
     transforms : the affine transform of each object, float64 ``(n, 2, 3)``; NaN for a building

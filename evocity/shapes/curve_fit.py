@@ -48,8 +48,8 @@ def fit_curve(
     depth : number of levels; by default the fewest levels that have at least as many points as the
         line.
     drawn : number of finest levels that the maps draw without details; the share ``1 / N^drawn`` of
-        the line's numbers remains. If ``drawn`` is None, the maps draw all levels without details;
-        the result is a curve of n control points.
+        the line's numbers remains. If ``drawn`` is None, no level has details, and the result is
+        a curve of n control points.
     starts : number of fits from different starting maps; the best fit is kept. The first start is a
         Bézier curve. Each start after the first is a straight line with random changes.
     rng : random generator for the starts; by default a generator with the seed 0.

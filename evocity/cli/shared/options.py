@@ -161,8 +161,8 @@ pixels_option = option("--pixels", "Side of the square map, in pixels.", int, 25
 metres_option = option("--metres-per-pixel", "Side of a pixel, in metres.", float, 2.0)
 centers_option = option(
     "--center LON LAT...",
-    "Longitude and latitude of the centre of a map window, in degrees. Give a centre for every "
-    f"MAP, or only for each MAP that is a file. {_WINDOW}",
+    "Longitude and latitude of the centre of a map window, in degrees. Give one centre for each "
+    f"MAP, or leave out the centres of bundled districts. {_WINDOW}",
     float,
 )
 

@@ -169,9 +169,9 @@ def check_streets(before: np.ndarray, after: np.ndarray, extra: int = 0) -> None
     was, now = (pieces(axes, corners=True)[1] for axes in (before, after))
     if now > was + extra:
         raise MapError(
-            f"the change leaves streets in {now} parts",
-            f"streets in {was + extra} parts at most, as before",
-            "leave this change out",
+            f"the change divides the streets into {now} unconnected parts",
+            f"at most {was + extra} unconnected parts, as many as before the change",
+            "remove the change from the list of changes",
         )
 
 
