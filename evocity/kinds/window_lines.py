@@ -2,10 +2,14 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 
 from evocity.errors import MapError
+
+# rasterio hides a warning of its own by filters that all threads share
+_RASTERIZING = Lock()
 
 
 def read_line(path: Path, name: str) -> tuple[np.ndarray, bool]:
@@ -119,6 +123,8 @@ def strip_mask(
     ground = shapely.buffer(shapely.LineString(line), breadth / 2)
     top = pixels * metres_per_pixel
     to = (metres_per_pixel, 0.0, 0.0, 0.0, -metres_per_pixel, top)
-    return rasterize(
-        [(ground, 1)], (pixels, pixels), transform=affine.Affine(*to), dtype=np.uint8
-    ).astype(bool)
+    with _RASTERIZING:
+        mask = rasterize(
+            [(ground, 1)], (pixels, pixels), transform=affine.Affine(*to), dtype=np.uint8
+        )
+    return mask.astype(bool)
