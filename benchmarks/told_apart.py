@@ -15,8 +15,8 @@ real ones, 1 where it always can. Whole places are held out:
 - learnt: it learnt on the fronts in --learnt, a file that --save wrote of other runs, and on real
   cities. Runs that share a city with the judged one are left out.
 - pictures: as quadrant, on patches of 64 px that `likeness.py` describes.
-- floor: real windows are told from other real windows. A coin splits the quadrants of places, and
-  half of the places are held out; mean and 90th percentile of 20 coins.
+- floor: the forest separates real windows from real windows. A coin splits the quadrants of places,
+  and half of the places are held out; mean and 90th percentile of 20 coins.
 
 Then the shares of the smaller parent, and the features by what each gives away by itself.
 """

@@ -505,5 +505,5 @@ def test_what_is_imported_is_declared():
         names |= {re.match(r"[a-z]+", line)[0] for line in declared["optional-dependencies"][extra]}
     names -= {"cryptography"}  # Dask makes certificates by it
     extra = {re.match(r"[a-z]+", line)[0] for line in declared["optional-dependencies"]["notebook"]}
-    names |= used & extra  # what types are told by; loaded by lazy_imports.py alone
+    names |= used & extra  # names for type checkers; only lazy_imports.py loads them
     assert {modules.get(name, name) for name in used} == names  # and nothing for nothing

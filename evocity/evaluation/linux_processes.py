@@ -64,7 +64,7 @@ def children(pid: int) -> list[int]:
 
 
 def _stat(pid: int) -> list[bytes]:
-    """Read the state, the parent and more of a process; nothing if there is none."""
+    """Read the state, the parent and more of a process; empty if no such process exists."""
     with contextlib.suppress(OSError), open(f"/proc/{pid}/stat", "rb") as file:
         return file.read().rpartition(b")")[2].split()  # the name in brackets may hold anything
     return []

@@ -181,7 +181,7 @@ class Part:
         """Return (generation, least and largest id) of each ``whole`` generation with births."""
         about = self.file.metadata
         at = self.file.schema_arrow.names.index("id")
-        # a row group a generation; without rows there is none
+        # each generation has one row group; a generation without rows has no row group
         for group in range(about.num_row_groups):
             ids = about.row_group(group).column(at).statistics
             if self.piece.first + group in whole and ids is not None:

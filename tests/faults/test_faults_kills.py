@@ -41,7 +41,7 @@ def slow(city):
 
 
 def command_of(pid: int) -> str:
-    """The command line of a process; nothing if there is none."""
+    """The command line of a process; empty if no such process exists."""
     with contextlib.suppress(OSError):
         return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode()
     return ""
