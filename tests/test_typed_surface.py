@@ -22,7 +22,7 @@ SURFACE = Path(__file__).with_name("typed_surface.py")
 ROOMS = runpy.run_path(str(ROOT / "docs" / "site" / "api.py"))["ROOMS"]
 
 # The list of excused modules is never longer; lower this when it shrinks.
-MOST_EXCUSED = 213
+MOST_EXCUSED = 212
 
 # What a wrong use is, and what mypy says of it.
 WRONG = {

@@ -139,7 +139,8 @@ class Avenues:
         halves = [sides[0], *self._halves(len(cuts) - 2, THROUGH, rng), sides[1]]
         away = [_distance(west[k], east[k], y, x) for k in range(len(cuts))]
         labels, lots = np.zeros((height, width), np.int16), np.zeros((height, width), np.int16)
-        angle, colour = [], []
+        angle: list[float] = []
+        colour: list[int] = []
         # streets across go on over the streets from avenue to avenue, or each row has its own
         across = self._across((nw + sw) / 2, (ne + se) / 2, rng)
         own_rows = rng.random() >= GRID
@@ -148,9 +149,8 @@ class Avenues:
             free = (away[k] >= halves[k]) & (-away[k + 1] >= halves[k + 1])
             parts, halves_across = across
             if own_rows:
-                parts, halves_across = self._across(
-                    *(line[k : k + 2].mean(axis=0) for line in (west, east)), rng
-                )
+                first, last = (line[k : k + 2].mean(axis=0) for line in (west, east))
+                parts, halves_across = self._across(first, last, rng)
             north, south = (parts[:, None] * (east[m] - west[m]) + west[m] for m in (k, k + 1))
             beside = [sides[2], *halves_across, sides[3]]
             far = [-_distance(north[m], south[m], y, x) for m in range(len(parts))]

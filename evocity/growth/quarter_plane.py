@@ -63,7 +63,7 @@ class QuarterPlane:
         turned: bool,
     ):
         self.cities, self.cell, self.shares, self.seed = tuple(cities), cell, shares, seed
-        self._how = {"candidates": candidates, "turned": turned}
+        self._candidates, self._turned = candidates, turned
         first = cities[0]
         counts = np.array([np.array(city.shape) // cell for city in cities])
         self.sides = np.column_stack([counts, np.cumsum([0, *counts.prod(axis=1)])[:-1]])
@@ -74,7 +74,7 @@ class QuarterPlane:
     @cached_property
     def windows(self) -> Windows:
         """The windows that the originals repeat."""
-        isos = range(isometries.COUNT if self._how["turned"] else 1)
+        isos = range(isometries.COUNT if self._turned else 1)
         return Windows([city.heights + np.float32(0) for city in self.cities], isos, 1 << 28)
 
     @cached_property
@@ -195,8 +195,9 @@ class QuarterPlane:
             donor, lot = self.donors[owner], lot_of(plan, k + 1)
             colour = int(district.colour[k]) ^ swap
             draws = draw_places(
-                lot, float(plan.angle[k]), donor, colour, self.avenues.side, rng=rng, **self._how
-            )
+                lot, float(plan.angle[k]), donor, colour, self.avenues.side,
+                candidates=self._candidates, turned=self._turned, rng=rng,
+            )  # fmt: skip
             goal = min(float(donor.city.built.mean()) / max(covered, 0.1), 1.0)
             gene: FaceGene | None = None
             if lot.rows.size and len(donor.middles):

@@ -76,7 +76,8 @@ def draw_places(
         mirror[:] = False
         angles = angle - frames
         angles = angles - np.rint(angles / (np.pi / 2)) * (np.pi / 2)
-    draws = Places(*places.T, angles, mirror)
+    row, column = places.T
+    draws = Places(row, column, angles, mirror)
     if not lot.rows.size:
         return draws
     # the whole lot lies within the original

@@ -46,6 +46,9 @@ class PlanDrafting(Drafting):
     number.
     """
 
+    name: ClassVar[str]
+    parents: ClassVar[tuple[int, int | None]]
+
     reach: int | None = field(default=48, kw_only=True)
 
     lays_void: ClassVar[bool] = True
@@ -73,10 +76,12 @@ class PlanDrafting(Drafting):
         faces: Iterable[int],
         rng: np.random.Generator,
         most: int | None,
+        halved_min: float,
         preferred: np.ndarray | None = None,
     ) -> int:
         """Fill up to ``most`` of the ``faces`` with buildings of donors; None fills all that fit.
-        Returns the number of filled faces."""
+        A lot of ``halved_min`` m² or more may have halves from two places. Returns the number of
+        filled faces."""
         filled = 0
         for face in faces:
             if filled == most:
@@ -86,7 +91,7 @@ class PlanDrafting(Drafting):
             donors = donors[: None if most is None else 1].tolist()
             if any(self._fill_whole(child, face, donor, rng) for donor in donors):
                 filled += 1
-            elif child.plan.lot_area[face - 1] >= self.halved_min:
+            elif child.plan.lot_area[face - 1] >= halved_min:
                 pair = donors[0], int(child.draw_donors(rng, preferred)[0])
                 filled += self._fill_halves(child, face, pair, rng)
         return filled

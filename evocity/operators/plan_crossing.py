@@ -1,6 +1,6 @@
 """Plan crossing: two parents with one plan exchange faces, one by one or by neighbourhoods."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -57,7 +57,8 @@ class PlanCrossing(PlanDrafting):
     def _change(self, child: PlannedChild, rng: np.random.Generator) -> int:
         if child.states[1] is None:
             faces = rng.permutation(child.faces(self.area_min)).tolist()
-            return self._fill(child, faces, rng, self.faces, child.shares(1))
+            shares = child.shares(1)
+            return self._fill(child, faces, rng, self.faces, self.halved_min, shares)
         differing = child.differing(1)
         if rng.random() < self.neighbourhood:
             chosen = grow_neighbourhood(child.plan, differing, self.share, rng)
@@ -72,7 +73,7 @@ class PlanCrossing(PlanDrafting):
 
 
 def grow_neighbourhood(
-    plan: Plan, faces: Sequence[int], share: float, rng: np.random.Generator
+    plan: Plan, faces: Iterable[int] | np.ndarray, share: float, rng: np.random.Generator
 ) -> list[int]:
     """Grow a neighbourhood from one of the ``faces`` over their neighbours, until it has a
     ``share`` of them, but one at least. Returns its faces in the order of growth.
@@ -88,7 +89,8 @@ def grow_neighbourhood(
         beside.setdefault(first, []).append(second)
         beside.setdefault(second, []).append(first)
     ring = [sorted(wanted)[int(rng.integers(len(wanted)))]]
-    seen, chosen = set(ring), []
+    seen = set(ring)
+    chosen: list[int] = []
     while ring and len(chosen) < most:
         following: list[int] = []
         for face in rng.permutation(ring).tolist():

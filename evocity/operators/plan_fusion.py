@@ -64,4 +64,4 @@ class PlanFusion(PlanDrafting):
 
     def _change(self, child: PlannedChild, rng: np.random.Generator) -> int:
         faces = rng.permutation(child.faces(self.area_min)).tolist()
-        return self._fill(child, faces, rng, self.faces)
+        return self._fill(child, faces, rng, self.faces, self.halved_min)

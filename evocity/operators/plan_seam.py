@@ -91,7 +91,11 @@ class PlanSeam(PlanDrafting):
         faces.sort(key=lambda face: not child.foreign(face))  # a city's own buildings stay
         for face in faces:
             repeats = child.doubled(face) > self.repeats
-            if repeats and not self._fill(child, [face], rng, None) and child.foreign(face):
+            if (
+                repeats
+                and not self._fill(child, [face], rng, None, self.halved_min)
+                and child.foreign(face)
+            ):
                 child.restore(face)
         area = child.plan.lot_area
         doubled = sum(child.doubled(face) * area[face - 1] for face in faces)

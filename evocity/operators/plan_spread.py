@@ -52,8 +52,9 @@ class PlanSpread(PlanDrafting):
             if len(changed) == self.faces:
                 break
             gene = child.genes.get(first)
-            known = gene is not None and first not in child.edited and gene.source in donors
-            if not known or second not in free or second in changed:
+            if gene is None or first in child.edited or gene.source not in donors:
+                continue
+            if second not in free or second in changed:
                 continue
             if alike(gene, child.genes.get(second)):
                 continue

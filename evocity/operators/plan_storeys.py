@@ -115,8 +115,8 @@ class _Nearby:
         if gene is None:
             child.edited.add(face)
         else:
-            limits = {"lowest": round(float(low[0]), 2), "highest": round(float(high[0]), 2)}
-            child.genes[face] = replace(gene, **limits)
+            lowest, highest = round(float(low[0]), 2), round(float(high[0]), 2)
+            child.genes[face] = replace(gene, lowest=lowest, highest=highest)
         return int(np.count_nonzero(moved))
 
 

@@ -32,7 +32,8 @@ def choose_by_plan(
         own = [at for at, one in enumerate(candidates) if one.plan == name and not one.changed]
         chosen += own[:places]
     chosen = sorted(chosen)[:count]
-    taken, lives = set(chosen), Counter()
+    taken = set(chosen)
+    lives: Counter[str | None] = Counter()
     for at, one in enumerate(candidates):
         if len(chosen) == count:
             break

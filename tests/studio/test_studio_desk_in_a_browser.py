@@ -126,7 +126,7 @@ def desk(browser, tmp_path):
         assert page.evaluate(invalid) == []
         page.get_by_label("generations or minutes").select_option("generations")
         write(page, "length", "90000")
-        for name in ("autosimilarity", "alignment", "salingaros buildings"):
+        for name in ("autosimilarity", "alignment", "salingaros law"):
             press(page, f"drop {name}")
         page.get_by_label("another measure").select_option("gsi")
         press(page, "add")

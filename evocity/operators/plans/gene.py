@@ -81,10 +81,8 @@ class FaceGene:
 
     def nearest_isometry(self) -> int:
         """Find the isometry of the square that is nearest to the turn and mirror of the gene."""
-        steps = [
-            self.offsets(np.float64(down), np.float64(along)) for down, along in ((1, 0), (0, 1))
-        ]
-        return int((AFFINE[:, 2:] * np.array(steps).ravel()).sum(axis=1).argmax())
+        steps = np.array(self.offsets(*np.eye(2))).T
+        return int((AFFINE[:, 2:] * steps.ravel()).sum(axis=1).argmax())
 
     def check(self, plan: Plan, source: CityMap) -> None:
         """Raise `MapError` unless the gene suits a plan and its source city."""

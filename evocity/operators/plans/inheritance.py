@@ -128,7 +128,7 @@ def founder_name(genome: Genome) -> str | None:
     if made.get("operator") not in _FOUNDING or PLAN_KEY in made or "refined" in made:
         return None
     present = np.flatnonzero(np.bincount(genome.parent)).tolist()
-    if len(present) != 1 or genome.cities[present[0]] == VOID or genome.turn.any():
+    if len(present) != 1 or genome.cities[present[0]] == VOID or np.any(genome.turn):
         return None
     places = zip(unpacked(genome.source), genome.pavement.corners, strict=True)
     in_place = all(np.array_equal(own, corner) for own, corner in places)
@@ -162,9 +162,9 @@ def find_plan(genome: Genome, founders: Mapping[str, Genome]) -> tuple[Plan, Inh
         return plan, InheritedPlan(name, len(plan))
     state = InheritedPlan.from_made(genome.made)
     if state is not None and state.city in founders:
-        plan = _replayed(state, founders)
-        if plan is not None and state.suits(plan):
-            return plan, state.settled(plan)
+        replayed = _replayed(state, founders)
+        if replayed is not None and state.suits(replayed):
+            return replayed, state.settled(replayed)
     return _compared(genome, founders) or (plan_of(decoded(genome).city), None)
 
 

@@ -119,7 +119,8 @@ def lay(plan: Plan, genes: Iterable[FaceGene | None], sources: Mapping[str, City
     `MapError` for a gene that does not suit the plan or the sources, for two genes of the same
     ground, and for a half without the other half.
     """
-    heights, faces = plan.heights.copy(), {}
+    heights = plan.heights.copy()
+    faces: dict[int, list[FaceGene]] = {}
     for gene in genes:
         if gene is None:
             continue
@@ -246,8 +247,7 @@ def _sample(lot: Lot, gene: FaceGene, donor: Donor) -> np.ndarray:
     from evocity.operators.plans._kernels import sample_polygons
 
     pixel = donor.city.metres_per_pixel
-    ways = [gene.offsets(*way) for way in ((1.0, 0.0), (0.0, 1.0))]
-    turns = np.array([ways[0][0], ways[1][0], ways[0][1], ways[1][1]])
+    turns = np.concatenate(gene.offsets(*np.eye(2)))
     found = np.empty(lot.down.size, np.int32)
     # a place is the centre of a pixel
     row, column = (gene.row + 0.5) * pixel, (gene.column + 0.5) * pixel

@@ -204,7 +204,7 @@ class PlannedChild:
                 (gene.row, gene.column), (down, along), self._whose.shape, strict=True
             )
         ]
-        meant = grid.blocks(self.intended > BUILT_ABOVE).any(axis=(1, 2))[cells]
+        meant = self._meant()[cells]
         bare = ~meant & self._built_of(donor)[tuple(there)]
         self._count(here, -1)
         self._whose[here] = np.where(bare, len(self._parents), donor)
@@ -257,7 +257,7 @@ class PlannedChild:
         """Put the lifs of a parent in a lot, in place, and mean these ``heights``."""
         self.intended[lot.window][lot.mask] = heights
         cells, here = self._cells_of(lot)
-        meant = self._grid.blocks(self.intended > BUILT_ABOVE).any(axis=(1, 2))[cells]
+        meant = self._meant()[cells]
         bare = ~meant & self._built_of(number)[here]
         self._count(here, -1)
         self._whose[here] = np.where(bare, len(self._parents), number)
@@ -279,7 +279,7 @@ class PlannedChild:
         built = self._built_of(number)
         stale = self._stale(number)[here]
         self._count(here, 1)
-        return float(np.count_nonzero(stale) / max(np.count_nonzero(built[here]), 1))
+        return float(stale.sum() / max(built[here].sum(), 1))
 
     def doubled(self, face: int) -> float:
         """Compute the share of the built ground of a ``face`` whose place in a source city stands
@@ -287,13 +287,17 @@ class PlannedChild:
         _, here = self._cells_of(lot_of(self.plan, face))
         whose = self._whose[here]
         self._count(here, -1)
-        built = again = 0
+        built, again = 0, 0
         for parent in np.unique(whose[whose < len(self._parents)]).tolist():
             places = tuple(axis[here][whose == parent] for axis in self._cells)
-            built += np.count_nonzero(self._built_of(parent)[places])
-            again += np.count_nonzero(self._stale(parent)[places])
+            built += int(np.count_nonzero(self._built_of(parent)[places]))
+            again += int(np.count_nonzero(self._stale(parent)[places]))
         self._count(here, 1)
-        return again / max(built, 1)
+        return again / built if built else 0.0
+
+    def _meant(self) -> np.ndarray:
+        """Find the cells that buildings are meant to stand on, bool ``(n,)``."""
+        return np.asarray(self._grid.blocks(self.intended > BUILT_ABOVE).any(axis=(1, 2)))
 
     def _cells_of(self, lot: Lot) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
         """List the cells of a lot by number, and by row and column."""
@@ -328,10 +332,9 @@ class PlannedChild:
 
     def clear(self, where: np.ndarray) -> None:
         """Make ground of the pixels ``where``, bool ``(H, W)``."""
-        before = self._grid.blocks(self.intended > BUILT_ABOVE).any(axis=(1, 2))
+        before = self._meant()
         self.intended[where] = 0
-        after = self._grid.blocks(self.intended > BUILT_ABOVE).any(axis=(1, 2))
-        here = np.divmod(np.flatnonzero(before & ~after), self._grid.columns)
+        here = np.divmod(np.flatnonzero(before & ~self._meant()), self._grid.columns)
         self._count(here, -1)
         self._whose[here] = len(self._parents)
         for axis in range(2):
@@ -340,7 +343,8 @@ class PlannedChild:
 
     def genome(self) -> Genome:
         """Lay the lifs of all parents."""
-        pieces = Pieces(self._grid.block, self._whose, *self._cells, self._iso)
+        row, column = self._cells
+        pieces = Pieces(self._grid.block, self._whose, row, column, self._iso)
         return laid([*self._parents, ground(self._parents[0])], pieces, carried=True).genome
 
     def made(self) -> dict[str, Any]:
