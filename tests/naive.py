@@ -1631,21 +1631,30 @@ def fit_range(logs, below, above):
 # -- plans ------------------------------------------------------------------------------------
 
 
-def score_candidate(gene, built, used, pixel, step, downs, alongs, inner, coverage, slack, repeats):
+def score_candidate(
+    gene, numbers, areas, used, pixel, step, downs, alongs, inner, cell, share, coverage, slack,
+    repeats,
+):  # fmt: skip
     """The built share of the points of a strip, less twice the miss of the coverage."""
     if not (0 <= gene.row <= used.shape[0] - 1 and 0 <= gene.column <= used.shape[1] - 1):
         return -math.inf
-    here, again = [], 0
-    for i, (down, along) in enumerate(zip(downs, alongs, strict=True)):
+    here, places = [], []
+    for down, along in zip(downs, alongs, strict=True):
         off = gene.offsets(down, along)
         y, x = (
             (at + 0.5) * pixel + one for at, one in zip((gene.row, gene.column), off, strict=True)
         )
         fine = math.floor(y / step), math.floor(x / step)
-        if not all(0 <= at < side for at, side in zip(fine, built.shape, strict=True)):
+        if not all(0 <= at < side for at, side in zip(fine, numbers.shape, strict=True)):
             return -math.inf
-        here.append(bool(built[fine]))
-        again += i < inner and here[-1] and used[math.floor(y / pixel), math.floor(x / pixel)]
+        here.append(numbers[fine])
+        places.append((math.floor(y / pixel), math.floor(x / pixel)))
+    stretch = gene.scale**2 if gene.axis is None else gene.scale
+    enough = {
+        n: n > 0 and (here[:inner].count(n) + 1) * cell >= share * areas[n] * stretch for n in here
+    }
+    here = [enough[n] for n in here]
+    again = sum(used[place] for place, stands in zip(places[:inner], here, strict=False) if stands)
     if again > 2 * repeats * sum(here[:inner]) + 2:
         return -math.inf
     miss = abs(np.mean(here[:inner]) - coverage) - slack

@@ -141,10 +141,13 @@ def fill_quarter(
     open_ends = open_ends[:: max(1, open_ends.size // _POINTS)]
     pixel, nowhere = donor.city.metres_per_pixel, np.zeros(donor.city.shape, bool)
 
+    area = lot.rows.size * lot.pixel**2
+
     def score(points: np.ndarray, inner: int, coverage: float, slack: float) -> np.ndarray:
         scores = np.empty(draws.row.size)
         score_candidates(
-            donor.built, nowhere, pixel, donor.step, lot.down[points], lot.along[points], inner,
+            donor.numbers, donor.areas, nowhere, pixel, donor.step, lot.down[points],
+            lot.along[points], inner, area / max(inner, 1), _LEAST_SHARE if inner else 0.0,
             coverage, slack, 1.0, draws.candidates, scores,
         )  # fmt: skip
         return scores

@@ -163,7 +163,8 @@ def test_the_kernels_of_candidates_score_as_their_naive_twin(cities):
     candidates = _draw(plan, 5, donor, 12, (0.88, 1.15), rng)
     points = np.arange(0, lot.down.size, 40)
     arguments = (
-        donor.built, used, 2.0, donor.step, lot.down[points], lot.along[points], 20, 0.6, 0.1, 0.2,
+        donor.numbers, donor.areas, used, 2.0, donor.step, lot.down[points], lot.along[points], 20,
+        60.0, 0.5, 0.6, 0.1, 0.2,
     )  # fmt: skip
     scores = np.empty(12)
     score_candidates(*arguments, candidates, scores)

@@ -7,11 +7,12 @@ from evocity.accelerate import kernel
 
 @kernel
 def _score(
-    built, used, pixel, step, down, along, inner, coverage, slack, repeats, row, column, angle,
-    mirror, scale, axis,
+    numbers, areas, used, pixel, step, down, along, inner, cell, share, coverage, slack, repeats,
+    row, column, angle, mirror, scale, axis, seen, counts,
 ):  # fmt: skip
-    """Score one candidate, see `score_candidates`."""
-    height, width = built.shape
+    """Score one candidate, see `score_candidates`. Scratch: ``seen``, int32 ``(inner,)``, and
+    ``counts``, int32 ``(n + 1,)``, zeros before and after."""
+    height, width = numbers.shape
     tall, wide = used.shape
     if row < 0 or row > tall - 1 or column < 0 or column > wide - 1:
         return -np.inf
@@ -27,22 +28,39 @@ def _score(
     c, d = sign * (sine * first + cosine * both), sign * (sine * both + cosine * last)
     ratio = pixel / step
     top, left = (row + 0.5) * ratio, (column + 0.5) * ratio
+    # share of a building's area in points of the lot, at its size on the ground
+    least = share * (scale if not np.isnan(axis) else scale * scale) / cell
+    looked, inside = 0, True
+    while looked < inner and inside:
+        y = top + a * down[looked] + b * along[looked]
+        x = left + c * down[looked] + d * along[looked]
+        inside = 0 <= y < height and 0 <= x < width
+        if inside:
+            seen[looked] = numbers[int(y), int(x)]
+            counts[seen[looked]] += 1
+            looked += 1
     all_built, front, again = 0, 0, 0
-    for i in range(inner):
-        y, x = top + a * down[i] + b * along[i], left + c * down[i] + d * along[i]
-        if y < 0 or x < 0 or y >= height or x >= width:
-            return -np.inf
-        if built[int(y), int(x)]:
-            all_built += 1
-            again += used[min(int(y / ratio), tall - 1), min(int(x / ratio), wide - 1)]
-    # points are few, so the whole lot decides on small shares
-    if again > 2 * repeats * all_built + 2:
+    if inside:
+        for i in range(inner):
+            n = seen[i]
+            if n and counts[n] + 1 >= least * areas[n]:
+                all_built += 1
+                y, x = top + a * down[i] + b * along[i], left + c * down[i] + d * along[i]
+                again += used[min(int(y / ratio), tall - 1), min(int(x / ratio), wide - 1)]
+        # points are few, so the whole lot decides on small shares
+        inside = again <= 2 * repeats * all_built + 2
+    at = inner
+    while at < down.size and inside:
+        y, x = top + a * down[at] + b * along[at], left + c * down[at] + d * along[at]
+        inside = 0 <= y < height and 0 <= x < width
+        if inside:
+            n = numbers[int(y), int(x)]
+            front += n > 0 and counts[n] + 1 >= least * areas[n]
+        at += 1
+    for i in range(looked):
+        counts[seen[i]] = 0
+    if not inside:
         return -np.inf
-    for i in range(inner, down.size):
-        y, x = top + a * down[i] + b * along[i], left + c * down[i] + d * along[i]
-        if y < 0 or x < 0 or y >= height or x >= width:
-            return -np.inf
-        front += built[int(y), int(x)]
     strip = down.size - inner
     score = front / strip if strip else 1.0
     return score - 2 * max(abs(all_built / max(inner, 1) - coverage) - slack, 0)
@@ -50,33 +68,38 @@ def _score(
 
 @kernel
 def score_candidates(
-    built, used, pixel, step, down, along, inner, coverage, slack, repeats, candidates, scores
-):
+    numbers, areas, used, pixel, step, down, along, inner, cell, share, coverage, slack, repeats,
+    candidates, scores,
+):  # fmt: skip
     """Score candidates: float64 ``scores`` ``(k,)``, the built share of points of a strip, less
     twice the difference of the coverages beyond ``slack``.
 
-    The score is −∞ where a point lies beyond the source city, where the place does, and where more
-    than twice the share ``repeats`` of the built points, and two more, are used.
+    A building counts only if about the ``share`` of its area stands in the lot. The score is −∞
+    where a point lies beyond the source city, where the place does, and where more than twice the
+    share ``repeats`` of the built points, and two more, are used.
 
-    built : bool ``(h, w)``, fine pixels of the source city. used : bool ``(H, W)``, pixels that
-    stand on the map already. pixel, step : sides of the pixels and of the fine pixels, metres.
+    numbers : int32 ``(h, w)``, the building on each fine pixel of the source city, 0 on ground.
+    areas : float64 ``(n + 1,)``, m², of the n buildings. used : bool ``(H, W)``, pixels that stand
+    on the map already. pixel, step : sides of the pixels and of the fine pixels, metres.
     down, along : float64 ``(n,)``, offsets of points from the centre of the face, metres; the first
-    ``inner`` are points of the whole lot, the others of the strip along its outline. coverage :
-    built share of the lot that is wanted. candidates : float64 ``(k, 6)``, row and column of the
-    place, px; angle; mirror, 0 or 1; scale; axis, NaN for all directions.
+    ``inner`` are points of the whole lot, the others of the strip along its outline. cell : area of
+    the lot for each of its points, m². coverage : built share of the lot that is wanted.
+    candidates : float64 ``(k, 6)``, row and column of the place, px; angle; mirror, 0 or 1; scale;
+    axis, NaN for all directions.
     """
+    seen, counts = np.empty(inner, np.int32), np.zeros(areas.size, np.int32)
     for k in range(len(candidates)):
         row, column, angle, mirror, scale, axis = candidates[k]
         scores[k] = _score(
-            built, used, pixel, step, down, along, inner, coverage, slack, repeats, row, column,
-            angle, mirror, scale, axis,
+            numbers, areas, used, pixel, step, down, along, inner, cell, share, coverage, slack,
+            repeats, row, column, angle, mirror, scale, axis, seen, counts,
         )  # fmt: skip
 
 
 @kernel
 def improve_candidates(
-    built, used, pixel, step, down, along, inner, coverage, slack, repeats, candidates, moves,
-    trials, low, high,
+    numbers, areas, used, pixel, step, down, along, inner, cell, share, coverage, slack, repeats,
+    candidates, moves, trials, low, high,
 ):  # fmt: skip
     """Move each of the ``candidates`` to the best place, and then to the best size; changes them.
 
@@ -84,13 +107,15 @@ def improve_candidates(
     which stays within ``low`` and ``high`` if it changes. The first of equally good ones wins. The
     other arguments are those of `score_candidates`.
     """
+    seen, counts = np.empty(inner, np.int32), np.zeros(areas.size, np.int32)
     for k in range(len(candidates)):
         row, column, angle, mirror, scale, axis = candidates[k]
         best, at = -np.inf, 0
         for m in range(len(moves)):
             score = _score(
-                built, used, pixel, step, down, along, inner, coverage, slack, repeats,
-                row + moves[m, 0], column + moves[m, 1], angle, mirror, scale, axis,
+                numbers, areas, used, pixel, step, down, along, inner, cell, share, coverage,
+                slack, repeats, row + moves[m, 0], column + moves[m, 1], angle, mirror, scale,
+                axis, seen, counts,
             )  # fmt: skip
             if score > best:
                 best, at = score, m
@@ -101,8 +126,9 @@ def improve_candidates(
             if trials[t, 2] != 1:
                 size = min(max(scale * trials[t, 2], low), high)
             score = _score(
-                built, used, pixel, step, down, along, inner, coverage, slack, repeats,
-                row + trials[t, 0], column + trials[t, 1], angle, mirror, size, axis,
+                numbers, areas, used, pixel, step, down, along, inner, cell, share, coverage,
+                slack, repeats, row + trials[t, 0], column + trials[t, 1], angle, mirror, size,
+                axis, seen, counts,
             )  # fmt: skip
             if score > best:
                 best, at, sized = score, t, size

@@ -10,14 +10,14 @@ from evocity.citymap import BUILT_ABOVE, CityMap
 from evocity.errors import MapError
 from evocity.operators.plans.donor import Donor, donor_of
 from evocity.operators.plans.gene import SCALES, FaceGene
-from evocity.operators.plans.laying import Lot, lay_numbers, lot_of, places_of
+from evocity.operators.plans.laying import LEAST_SHARE, Lot, lay_numbers, lot_of, places_of
 from evocity.operators.plans.plan import Plan
 from evocity.operators.plans.storeys import storey_range
 
 #: Places lie within this distance of the middle of a building, px of the source city.
 NEAR = 8.0
 #: Number of places that are drawn for a face.
-DRAWS = 200
+DRAWS = 2000
 #: Largest difference of the coverage, as a share of the lot.
 SLACK = 0.2
 #: Largest loss of front, as a share of the strip along the outline.
@@ -26,8 +26,8 @@ LOSS = 0.1
 REPEATS = 0.01
 
 # Points of a lot on which candidates are compared, and on which they are chosen and moved;
-# candidates that are moved, and those of them that are laid if some of these fit.
-_POINTS, _FEW, _BEST, _LAID = 250, 80, 16, 6
+# candidates that are moved; those of them that are laid if none fits, and if some fit.
+_POINTS, _FEW, _BEST, _TRIED, _LAID = 250, 80, 48, 16, 6
 # Most that moves and sizes add to a score.
 _HOPE = 0.4
 # Moves of a candidate to the outline, px; the shortest of equally good ones wins.
@@ -74,9 +74,10 @@ def fill_face(
     Candidates are places near a building of the source city. Each candidate turns with the walls
     around its place to the direction of the face's walls, or by right angles more; a coin decides
     on the mirror. The score of a candidate is the built share of the strip of 3 px along the
-    outline of the lot, less twice the difference of the coverages beyond ``slack``. The candidates
-    with the best scores move by up to 2 px to the outline. The result is the one with the largest
-    front, after `lay_piece` has laid its buildings.
+    outline of the lot, less twice the difference of the coverages beyond ``slack``. Buildings that
+    the outline would cut too far do not count. The candidates with the best scores move by up to
+    2 px to the outline. The result is the one with the largest front, after `lay_piece` has laid
+    its buildings.
 
     Parameters
     ----------
@@ -251,7 +252,7 @@ def _find(
     strip, count = lot.strip & side, max(np.count_nonzero(side), 1)
     best: tuple[float, FaceGene, np.ndarray] | None = None
     for tried, candidate in enumerate(rating.best(candidates, goal.front - goal.loss - _GROWN)):
-        if best is not None and tried >= _LAID:
+        if tried >= (_TRIED if best is None else _LAID):
             break
         gene = _gene(candidate, face, name, part=part, **limits)
         numbers = lay_numbers(lot, gene, donor, standing=standing)
@@ -296,7 +297,7 @@ class _Rating:
     def __init__(self, lot: Lot, donor: Donor, goal, used, repeats: float, part: int, scales):
         self._donor, self._goal = donor, goal
         self._used = np.zeros(donor.city.shape, bool) if used is None else used
-        self._repeats, self._scales = repeats, scales
+        self._repeats, self._scales, self._part = repeats, scales, part
         side = lot.side(part)
         every, strip = np.flatnonzero(side), np.flatnonzero(lot.strip & side)
         self._many, self._few = (self._points(lot, every, strip, n) for n in (_POINTS, _FEW))
@@ -306,11 +307,14 @@ class _Rating:
         need."""
         every = every[:: max(1, every.size // most)]
         points = np.concatenate([every, strip[:: max(1, strip.size // most)]])
-        city, goal = self._donor.city, self._goal
+        donor, goal = self._donor, self._goal
+        area = np.count_nonzero(lot.side(self._part)) * lot.pixel**2
+        # a building may stand in a half with half of what the lot must have of it
+        share = LEAST_SHARE / 2 if self._part else LEAST_SHARE
         return (
-            self._donor.built, self._used, city.metres_per_pixel, self._donor.step,
-            lot.down[points], lot.along[points], every.size, goal.coverage, goal.slack,
-            self._repeats,
+            donor.numbers, donor.areas, self._used, donor.city.metres_per_pixel, donor.step,
+            lot.down[points], lot.along[points], every.size, area / max(every.size, 1), share,
+            goal.coverage, goal.slack, self._repeats,
         )  # fmt: skip
 
     def best(self, candidates: np.ndarray, least: float) -> np.ndarray:

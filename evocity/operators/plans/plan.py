@@ -154,7 +154,8 @@ def walls_square(city: CityMap) -> np.ndarray:
     """
     twice = city.structure[0] + 1j * city.structure[1]
     size = np.abs(twice)
-    return (twice * twice / np.where(size > 0, size, 1)).astype(np.complex64)
+    # the square of less is 0 as a float32, and dividing by it overflows
+    return (twice * twice / np.where(size > 1e-30, size, 1)).astype(np.complex64)
 
 
 def build_plan(city: CityMap, axes: np.ndarray) -> Plan:
