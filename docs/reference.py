@@ -47,11 +47,11 @@ def entry(measure: Measure) -> str:
     for name, part in zip(pieces[1::2], pieces[2::2], strict=True):
         body = re.sub(r"\s*\n\s*", " ", part.strip())
         told.append(f"- **{name}**: {body}")
-    of_the_city = [need for need in measure.needs if need != "reference"]
-    if of_the_city:
-        told.append(
-            f"- **Arguments**: the city, and the {' and the '.join(of_the_city)} of the city."
-        )
+    needs = [need for need in measure.needs if need != "reference"]
+    if needs:
+        words = {"genome": "its genome", "sources": "the maps of its source cities"}
+        *some, last = ["the city", *(words[need] for need in needs)]
+        told.append(f"- **Arguments**: {', '.join(some)} and {last}.")
     if "reference" in measure.needs:
         told.append("- **Arguments**: the city, and a reference: the cities to compare with.")
     told[0] += "" if len(told) == 1 else "\n" + told.pop(1)

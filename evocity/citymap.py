@@ -50,7 +50,7 @@ class CityMap(Displayed):
     ----------
     heights : array ``(H, W)`` of finite heights above ground, metres, 0 or more. Pixels of open
         ground have the height 0. The map keeps a read-only copy of the array in float32.
-    metres_per_pixel : side of a pixel, metres, greater than 0.
+    metres_per_pixel : length of a pixel's side in metres, greater than 0.
     name : name of the map in pictures and tables. The function `evocity.errors.plain_text` removes
         control characters from the name.
     attribution : one line of text that the licence of the source requires; it contains no control
@@ -60,26 +60,26 @@ class CityMap(Displayed):
     crs : coordinate reference system in metres, as an authority code or WKT; None if the system is
         unknown.
     height_rules : mapping from the name of each height rule to the number of buildings that got
-        their height from this rule. While reading a file, evocity counts for each height rule the
-        buildings to which the rule applies.
+        their height from this rule. While reading a file, evocity counts how many buildings each
+        height rule applies to.
     taken : description of the part of the file that the map shows; ``""`` for a map without a file.
-    site : mask of the pixels that belong to a map, bool ``(H, W)``, if the map is not a rectangle.
-        Pixels outside the site have the height 0, and count neither as built nor as open ground. If
-        the `site` is None, all pixels belong to the map. The method `within` makes maps with a
-        site.
+    site : array of bool ``(H, W)``, true in the pixels that belong to the map; needed only for a
+        map that is not a rectangle. Pixels outside the site have the height 0, and count neither as
+        built nor as open ground. If the `site` is None, all pixels belong to the map. The method
+        `within` makes maps with a site.
     corner : ``(row, column)`` of the map's north-west pixel in the larger map from which this map
         was cut.
 
     Raises
     ------
     MapError : the heights are not a two-dimensional array of finite numbers that are 0 or more. A
-        pixel size that is not positive raises MapError. MapError is raised, too, for a site without
-        a true pixel, and for a site that differs in shape from the heights.
+        pixel size that is not positive raises MapError. A `site` raises MapError if no pixel of the
+        site is true, or if site and heights differ in shape.
 
     The views (`built`, `open_ground`, `labels`, `areas`, `building_labels`, `buildings`, `classes`,
     `outline`, `walls`, `gradients`, `structure`, `distance_to_built`, `open_space`, `streets`,
-    `street_graph`, `alley_graph`) are read-only. A map computes each of its views once, at the
-    first access to the attribute.
+    `street_graph`, `alley_graph`) are read-only. The attributes of the map compute each view only
+    once, at first access.
     """
 
     heights: np.ndarray
@@ -183,8 +183,8 @@ class CityMap(Displayed):
         """Cut out the part of the map where ``mask``, bool ``(H, W)``, is true.
 
         The result is the smallest rectangular map that contains all true pixels of the mask. The
-        site of the result is the mask, unless the mask fills the rectangle. The border of the mask
-        may cut buildings, like the border of any map.
+        result has the mask as its site, unless all pixels of the rectangle are true. The border of
+        the mask may cut buildings, like the border of any map.
 
         Raises `MapError` if the mask differs in shape from the map, or has no true pixel.
         """
@@ -206,7 +206,7 @@ class CityMap(Displayed):
         """Cut an ``array`` ``(H, W)`` of a larger map to the pixels of this map.
 
         The larger map is the map from which this map was cut. If the array already has the size of
-        this map, the method returns the array unchanged.
+        this map, the method returns the unchanged array.
         """
         top, left = self.corner if array.shape != self.shape else (0, 0)
         height, width = self.shape
@@ -248,9 +248,9 @@ class CityMap(Displayed):
 
     @cached_property
     def buildings(self) -> Buildings:
-        """The buildings, separated by gaps and by steps of height of more than half a storey: their
-        labels and a table. Its courtyards are those that a single building encloses; `open_space`
-        has the others. `separate_buildings` takes another step. About 2 ms at 256²."""
+        """The buildings, separated by gaps and by differences in height of more than half a storey:
+        their labels and a table. Its courtyards are those that a single building encloses;
+        `open_space` has the others. `separate_buildings` takes another step. About 2 ms at 256²."""
         pixel, zones = self.metres_per_pixel, self.building_labels
         return measured(self.heights, self.labels, zones, pixel, self.site)
 
@@ -269,8 +269,8 @@ class CityMap(Displayed):
         return self.classified()
 
     def classified(self, table: ClassTable | None = None) -> Classes:
-        """Classify the objects on the map by a table of classes; None means evocity's own table.
-        See `evocity.views.classes`."""
+        """Classify the objects on the map by the table of classes `table`; None uses the default
+        table of evocity. See `evocity.views.classes`."""
         pixel, site = self.metres_per_pixel, self.site
         return classified(self.heights, self.buildings, pixel, table, site)
 

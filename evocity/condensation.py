@@ -14,7 +14,7 @@ from evocity.pavement import Pavement
 
 
 class Condensation:
-    """Fixed heights C that decoding never changes in the masked pixels of a map.
+    """Heights C of the masked pixels of a map; decoding never changes these heights.
 
     Each decoding step computes W(I) = ∪ ω_i(I) from heights I and lifs ω_i, and then writes the
     fixed heights C into the result (condensation IFS: Marsault 2002 §6.2, 2005 §4.2). A
@@ -109,8 +109,8 @@ class Condensation:
         condensations are true, the result has the heights of this condensation."""
         if self.shape != other.shape:
             raise GenomeError(
-                f"arrays of fixed heights of {_size(self.shape)} and {_size(other.shape)} cannot "
-                "be joined",
+                f"two condensations differ in size, {_size(self.shape)} and "
+                f"{_size(other.shape)}, and cannot be joined",
                 "condensations that all have the same size",
                 "make both condensations from the same map",
             )

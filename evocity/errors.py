@@ -22,10 +22,10 @@ class EvocityError(Exception):
     remedy : advice on how to correct the input, in one sentence.
 
     To name a parameter in the text of an error, use one of the functions `keyword`, `setting`,
-    `text_setting` and `none_setting`. In errors, the command line shows an option such as --way
-    instead of the parameter's name. The error removes control characters from its three texts. The
-    three texts of an error may have any length, but the message ``str(error)`` has at most
-    `LONGEST` bytes.
+    `text_setting` and `none_setting`. If an error names the parameter `way`, for example, the
+    command line prints the option --way instead. The error removes control characters from the
+    texts `found`, `expected` and `remedy`. The three texts of an error may have any length, but the
+    message ``str(error)`` has at most `LONGEST` bytes.
     """
 
     _kept = ""  # control characters that a message keeps

@@ -8,6 +8,7 @@ import ast
 import html
 import importlib
 import inspect
+import keyword
 import re
 import subprocess
 import sys
@@ -148,7 +149,11 @@ def _shown(node: ast.AST) -> str:
 
 def _value(expression: str) -> str:
     """A value in a sentence: the last name that its expression has outside of quotes."""
-    names = re.findall(r"[A-Za-z_]{2,}", re.sub(r"'[^']*'|\"[^\"]*\"|\|.*", "", expression))
+    names = [
+        name
+        for name in re.findall(r"[A-Za-z_]{2,}", re.sub(r"'[^']*'|\"[^\"]*\"|\|.*", "", expression))
+        if not keyword.iskeyword(name)
+    ]
     return f"{{{names[-1].strip('_')}}}" if names else "…"
 
 

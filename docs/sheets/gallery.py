@@ -53,7 +53,8 @@ CITIES = (
     Bred(
         "The streets of New York, the houses of Villeurbanne",
         "The operator `quarter_fusion` made this child from New York and Villeurbanne. The source "
-        "of Villeurbanne has no heights, so its houses have 6 m by default and appear pale.",
+        "of Villeurbanne has no heights, so its houses have the default height of 6 m and appear "
+        "pale.",
         "quarter_fusion",
         (NEW_YORK, VILLEURBANNE),
         11,
@@ -70,8 +71,8 @@ CITIES = (
     ),
     Bred(
         "Whole groups of Cape Town in Montpellier",
-        "The operator `region_fusion` takes groups of range blocks with whole buildings from the "
-        "second parent. In the child, buildings of the second parent replace buildings of the "
+        "The operator `region_fusion` copies whole buildings from the second parent, as groups of "
+        "range blocks. In the child, buildings of the second parent replace buildings of the "
         "first parent.",
         "region_fusion",
         (MONTPELLIER, CAPE_TOWN),
@@ -105,7 +106,7 @@ CITIES = (
     Bred(
         "Half-way from Lyon to Montpellier",
         "The child consists of patches, and all lifs of a patch come from the same parent. The "
-        "edges of the patches cut buildings. Most operators other than `relocation` avoid cutting "
+        "edges of the patches cut buildings. Except for `relocation`, most operators avoid cutting "
         "buildings.",
         "lambda_crossover",
         (LYON, MONTPELLIER),

@@ -27,10 +27,10 @@ class Aim:
 
     The field ``goal`` is one of the words "max", "min", "like", "target", "bounds", "none" and
     "unknown". The goal "bounds" means that the measure is only a constraint. The goal "none" means
-    that the run records the measure without a goal. The field ``total`` is the name of the weighted
-    sum that contains the measure. The field ``meaning`` says in a sentence what the measure
-    computes; the field is empty for an unknown measure. The field ``like`` names the city that the
-    births should resemble.
+    that the run only records the measure. The field ``total`` is the name of the weighted sum that
+    contains the measure. The field ``meaning`` says in a sentence what the measure computes; the
+    field is empty for an unknown measure. The field ``like`` names the city that the births should
+    resemble.
     """
 
     name: str

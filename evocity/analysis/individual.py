@@ -32,8 +32,8 @@ class Individual(Displayed):
     """Birth of a run; the expression ``run[97]`` returns the individual with the id 97.
 
     The scores and the other columns of an individual are quick to read. The attributes ``genome``,
-    ``made`` and ``parents`` come from the log; the attribute ``city`` is the decoded genome. Each
-    attribute of an individual is computed once, and its value is remembered.
+    ``made`` and ``parents`` come from the log; the attribute ``city`` is the decoded genome. An
+    individual computes each attribute only once, and remembers the value.
     """
 
     def __init__(self, births: Births, identifier: int):
@@ -84,7 +84,7 @@ class Individual(Displayed):
 
     @property
     def status(self) -> str:
-        """Status at the end of the birth, for example ``ok``, see `evocity.store.STATUSES`."""
+        """Status of the birth when it ended, for example ``ok`` (see `evocity.store.STATUSES`)."""
         return str(self.births.status[self._row])
 
     @property
@@ -195,15 +195,15 @@ class Individual(Displayed):
     def ground(self) -> str | None:
         """Name of the source city that supplied the largest share of the map. The argument ``at``
         of the method `save` accepts the name of a source city. The name is None if all source
-        cities have one place on Earth, or if no source city has a place on Earth."""
+        cities have the same place on Earth, or if no source city has a place on Earth."""
 
         if self.run.header.crs is not None or not self.run.header.chromosome.ancestry_columns:
             return None
         return ground_of(self.ancestry(), self.births.sources)
 
     def ancestors(self) -> "pa.Table":
-        """Return all ancestors as an Arrow table with the oldest ancestors first, see
-        `Run.ancestors`."""
+        """Return all ancestors as an Arrow table with the oldest ancestors first (see
+        `Run.ancestors`)."""
         return self.run.ancestors(self.id)
 
     # -- pictures and files ------------------------------------------------------------------
@@ -231,7 +231,8 @@ class Individual(Displayed):
 
     def ancestry_picture(self) -> "Image.Image":
         """Draw the individual's map in the colours of its source cities, one colour for each city.
-        The map shows which cities supplied each range block, also through earlier generations."""
+        The picture shows from which source cities each range block comes, directly or through
+        earlier generations."""
         from evocity.coding.ancestry import ancestry
         from evocity.pictures import Shares, render_shares
 
@@ -249,15 +250,15 @@ class Individual(Displayed):
     def save(self, path: str | os.PathLike, at: str | None = None) -> None:
         """Write the individual to a file. The suffix of ``path`` determines the format.
 
-        A ``.parquet`` file contains the genome. Files with ``.tif`` and ``.npy`` contain heights;
-        files with ``.gpkg`` and ``.geojson`` contain footprints. A ``.png`` file contains a
-        picture. Files with ``.city.json``, ``.glb``, ``.obj``, ``.wrl`` and ``.x3d`` contain a
-        scene in three dimensions.
+        A ``.parquet`` file contains the genome. A file with the suffix ``.tif`` or ``.npy``
+        contains heights; a file with the suffix ``.gpkg`` or ``.geojson`` contains footprints. A
+        ``.png`` file contains a picture. A file with the suffix ``.city.json``, ``.glb``, ``.obj``,
+        ``.wrl`` or ``.x3d`` contains a three-dimensional scene.
 
         at : name of a source city. The file gets the place on Earth and the coordinate reference
-            system of the named city. By default, the file gets the place on Earth that all source
-            cities have in common. If the source cities have different places, the file gets no
-            place on Earth.
+            system of the source city that `at` names. By default, the file gets the place on Earth
+            that all source cities have in common. If the source cities have different places, the
+            file gets no place on Earth.
 
         Raises `EvocityError` for an unknown suffix, and the errors of the writing function if
         writing fails. After an error, no incomplete file remains.

@@ -43,9 +43,9 @@ class Run(complete_run.CompleteRun, Displayed):
     count births, index births by id and iterate over births: ``len(run)``, ``run[97]``,
     ``run[-1]``, ``run[10:20]``, ``97 in run``.
 
-    While a run is in progress, a `Run` object shows the generations that were complete at its first
-    use. To see newer generations, call `refresh`. Methods raise `RunError` if the run is damaged or
-    has no complete generation, and `EvocityError` if pandas is missing.
+    While a run is in progress, a `Run` object shows the generations that were complete when you
+    first used the object. To see newer generations, call `refresh`. Methods raise `RunError` if the
+    run is damaged or has no complete generation, and `EvocityError` if pandas is missing.
     """
 
     @property
@@ -130,7 +130,7 @@ class Run(complete_run.CompleteRun, Displayed):
         and the measures. The column ``feasible`` is true for a birth whose values all lie within
         the run's current bounds. The column ``alive`` is true for a birth of the last generation. A
         missing value is NaN. A run with islands has the additional column ``island``. If a measure
-        has the name of another column, the measure's column has the name fitness.NAME."""
+        has the same name as another column, the measure's column is called fitness.NAME."""
         return self.frame(slice(None))
 
     def frame(self, rows: np.ndarray | slice, **more: np.ndarray) -> "pd.DataFrame":
@@ -158,10 +158,10 @@ class Run(complete_run.CompleteRun, Displayed):
 
     @property
     def series(self) -> "pd.DataFrame":
-        """Data frame of the course of the run, with one row per generation. In a row, ``births``
-        and ``failures`` count all births up to the generation; ``living`` and ``feasible`` count
-        individuals of the generation. The data frame has the additional columns ``hypervolume``,
-        ``evaluations_per_second``, ``best.<measure>`` and ``mean.<measure>``."""
+        """Data frame of the course of the run, with one row per generation. In each row, the
+        columns ``births`` and ``failures`` count the births so far; the columns ``living`` and
+        ``feasible`` count individuals of the generation. The data frame has the additional columns
+        ``hypervolume``, ``evaluations_per_second``, ``best.<measure>`` and ``mean.<measure>``."""
         columns = series_of(self.columns)
         return frame_of(columns, columns.pop("generation"), "generation")
 
@@ -175,15 +175,15 @@ class Run(complete_run.CompleteRun, Displayed):
     def front(self, generation: int | None = None) -> "pd.DataFrame":
         """Return the `scores` of the Pareto front of a ``generation``, with the best individuals
         first. The front consists of the living individuals that no other individual dominates. By
-        default, the method uses the last generation. With islands, the goals of all islands
-        count."""
+        default, the method uses the last generation. In a run with islands, the front uses the
+        goals of all islands."""
         ids, ranks = self.columns.ranked(generation)
         return self.frame(self.columns.rows(ids[ranks == 0]))
 
     def best(self, measure: str, goal: str | None = None, alive: bool = False) -> Individual:
         """Return the best birth according to a ``measure``, or to a sum of measures in the recipe.
-        Only births that keep all constraints can be the best birth. Among equals, the earliest
-        birth wins.
+        Only births that keep all constraints can be the best birth. If several births are equally
+        good, the earliest of these births wins.
 
         goal : direction "max" or "min"; required for a measure without a goal in the run.
         alive : whether to choose only among individuals that are alive in the last generation.
@@ -217,9 +217,9 @@ class Run(complete_run.CompleteRun, Displayed):
         self, weights: Mapping[str, float] | None = None, of: object = None
     ) -> Individual:
         """Return the best compromise of the archive, or of the births in the argument "of". Every
-        birth has a distance from the best value of each goal. The compromise is the birth whose
-        largest distance is smallest (achievement scalarisation, Wierzbicki 1980). The mapping
-        ``weights`` gives each goal a weight; the default weight is 1, and 0 ignores a goal.
+        birth has a distance from the best value of each goal. The compromise is the birth for which
+        the largest of these distances is smallest (achievement scalarisation, Wierzbicki 1980). The
+        mapping ``weights`` gives each goal a weight; the default weight is 1, and 0 ignores a goal.
 
         Raises `EvocityError` for invalid weights, and `RunError` if there is no birth.
         """
@@ -281,10 +281,10 @@ class Run(complete_run.CompleteRun, Displayed):
         columns. The column ``cluster`` numbers the groups from 0. The column ``medoid`` is true for
         the middle birth of each group.
 
-        by : kind of distance between two births. The distance "looks" is the share of the map where
-            the heights differ by more than a storey. The distance "scores" is the difference
+        by : kind of distance between two births. The distance "looks" is the share of the area
+            where the heights differ by more than a storey. The distance "scores" is the difference
             between the losses of two births, each loss divided by its range. The distance "kin" is
-            the share of the map whose range blocks come from different places in the source cities.
+            the share of the area where two births show different places of source cities.
 
         Raises `EvocityError` if ``k`` is out of range, or if there are too many births to compare.
         """
@@ -315,8 +315,8 @@ class Run(complete_run.CompleteRun, Displayed):
 
     def most_different(self, n: int, of: object = None, by: str = "looks") -> "pd.DataFrame":
         """Return the scores of ``n`` very different births of the archive, or of the births in the
-        argument "of". The first two rows are the two births that differ most. Each further birth is
-        the birth that differs most from all births already in the table. The method `clusters`
+        argument "of". The first two rows are the two births that differ most. Each further row is
+        the birth that differs most from all births in the rows above. The method `clusters`
         explains the kinds of distance."""
         ids = self._ids(of)
         check_count("n", n, len(ids))
@@ -358,8 +358,8 @@ class Run(complete_run.CompleteRun, Displayed):
     def credit(self) -> "pd.DataFrame":
         """Return a data frame of the success of the operators, with one row per operator. The
         columns ``births``, ``failed`` and ``survived`` count the operator's births; a birth
-        survives if it lives for a generation. The column ``entered`` counts the births that entered
-        the archive at their birth. The column ``ancestors`` is the operator's share of the living
+        survives if it lives for a generation. The column ``entered`` counts the births that were in
+        the archive when born. The column ``ancestors`` is the operator's share of the living
         individuals and their ancestors. The column ``paid`` holds the value in the column
         ``ancestors`` divided by the operator's share of all births. A ``paid`` value above 1 means
         more success than the average. The column ``seconds`` is the mean time of a birth."""
@@ -368,8 +368,8 @@ class Run(complete_run.CompleteRun, Displayed):
 
     def lineage(self, one: int | Individual, generations: int | None = None) -> "nx.DiGraph":
         """Return the ancestors of one birth as a graph of networkx. The nodes are ids with the
-        scores of the births; the edges lead from parent to child. The argument ``generations`` is
-        the number of steps back; by default, the graph reaches the source cities."""
+        scores of the births; the edges lead from parent to child. The argument ``generations``
+        limits the steps from child to parent; by default, the graph reaches the source cities."""
         library("networkx", "a lineage")
         births = self.columns
         rows = births.rows(ids_of(one, births))
@@ -418,7 +418,7 @@ class Run(complete_run.CompleteRun, Displayed):
         The argument ``form`` is "plain" or "design-explorer". In the form "design-explorer", names
         of columns begin with ``in:`` for generation, operator and shares of cities, and with
         ``out:`` for measures. The column ``img`` names a picture in the folder NAME-pictures next
-        to the file. By default, "design-explorer" writes only the archive.
+        to the file. In the form "design-explorer", the file contains only the archive by default.
         """
         from evocity.analysis.export import write_csv
 
@@ -426,12 +426,12 @@ class Run(complete_run.CompleteRun, Displayed):
         write_csv(self.columns, every, path, form)
 
     def save(self, which: object, path: str | os.PathLike, at: str | None = None) -> None:
-        """Write several births into one file. The births to write are ids, individuals, a data
-        frame, or the result of `keep`.
+        """Write several births into one file. Give the births to write as ids, as individuals, as a
+        data frame, or as the result of `keep`.
 
         A ``.zip`` file contains a table of scores, the attribution, and five files for each birth:
         GeoTIFF map, footprints, picture, genome and scene. A ``.png`` file is a contact sheet of
-        maps with one scale of heights.
+        maps with a common scale of heights.
 
         at : name of a source city; the maps in a ``.zip`` file get the place on Earth of this city.
         """
@@ -442,9 +442,9 @@ class Run(complete_run.CompleteRun, Displayed):
     def compare(self, other: "Run | str | os.PathLike") -> "Comparison":
         """Compare this run with another run. The result has three data frames, the attributes
         ``recipes``, ``hypervolume`` and ``fronts``. The frame ``recipes`` lists the differences
-        between the recipes. The frame ``hypervolume`` uses the goals of both runs. The frame
-        ``fronts`` says how much of the other run's front each run's front dominates. Printing the
-        result shows the comparison in sentences."""
+        between the recipes. The frame ``hypervolume`` holds the hypervolume of each run over time,
+        by the goals that both runs have. The frame ``fronts`` counts, for each run, the births that
+        the other run's archive dominates. Printing the result shows the comparison in sentences."""
         from evocity.analysis.comparison import compare
 
         return compare(self, other if isinstance(other, Run) else Run(other))

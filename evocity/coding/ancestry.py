@@ -20,17 +20,18 @@ def ancestry(genome: Genome, *, depth: int | None = None, zoom: float = 1) -> np
     The iteration of the decoder computes weights of the source cities in the same way as heights.
     Each lifs copies the weights c of its domain block to its range block. Each lifs averages the
     copied weights c of its domain block with the weights c_i of its own city: c ← ½·c_i + ½·c. The
-    source is Tosan and others 2005 §4.2 and §5.1, who call such coupled maps (T_i, T̃_i). In the
+    source is Tosan and others 2005 §4.2 and §5.1, who describe coupled maps (T_i, T̃_i). In the
     limit of many iterations, the shares of a range block depend on an endless chain of domain
-    blocks. A lifs that interpolates two cities counts for both cities, with the weights λ and 1 −
-    λ. A uniform range block has no domain block, so its pixels belong to the city of the range
-    block's own lifs. A pixel of the condensation belongs to the city of its range block's lifs.
+    blocks. A lifs that interpolates two cities counts for one city with the weight λ, and for the
+    other city with 1 − λ. A uniform range block has no domain block, so its pixels belong to the
+    city of the range block's own lifs. A pixel of the condensation belongs to the city of its range
+    block's lifs.
 
     Parameters
     ----------
     depth : number of iterations, a whole number of 0 or more. With a depth of 0, each range block
-        belongs only to the city of its own lifs. With a depth of n, the shares follow n domain
-        blocks back; each block has half the weight of the block that leads to it. If ``depth`` is
+        belongs only to the city of its own lifs. With a depth of n, the shares follow a chain of n
+        domain blocks, in which each block has half the weight of the block before. If ``depth`` is
         None, `LIMIT` iterations compute the shares to within 2⁻¹² of their limit.
     zoom : fractal zoom of the result, as in `evocity.decode`.
 

@@ -65,13 +65,13 @@ class FreeBlockMaps:
     city : map that was searched.
     least : least error µ_min(p) at each pixel p over all sides B of range blocks, float32 ``(H,
         W)``, from 0 to 1.
-    largest : largest side B_max(p) whose error exceeds ``least`` by at most `RESOLUTION` at pixel
-        p, float32 ``(H, W)``, px.
+    largest : largest side B_max(p) of range blocks whose error exceeds ``least`` by at most
+        `RESOLUTION` at pixel p, float32 ``(H, W)``, px.
     likeness : product (1 − µ_min(p))·B_max(p) at each pixel p, float32 ``(H, W)``, px.
     domain : best side D of domain blocks for range blocks of side B_max(p), float32 ``(H, W)``, px.
     maps : mapping from each side B to the `AutosimilarityMaps` for this side.
 
-    A pixel has the value NaN if the maps of all sides B lack a value there.
+    A pixel has the value NaN if the maps for all sides B are NaN at this pixel.
     """
 
     city: CityMap
@@ -136,7 +136,7 @@ def free_block_maps(
     this least error.
 
     The search combines each side B in ``blocks`` (px) with all sides in ``domains`` (px) that are
-    larger than B. At least one side in ``domains`` must exceed each side B in ``blocks``. If
+    larger than B. For each side B in ``blocks``, at least one side in ``domains`` must exceed B. If
     ``domains`` is None, domain blocks have the side 2B. All parameters except `blocks` and
     `domains` work as in `autosimilarity_maps`.
     """

@@ -41,8 +41,8 @@ class Decoding:
     city : decoded map, with 0 in place of negative heights, and with flat roofs if the decoding
         makes roofs flat. The first access to ``city`` computes the map.
     attractor : fixed point of the collage operator W, metres, float32 ``(H, W)``, read-only. If the
-        range blocks would not have whole numbers of pixels per side at the zoom, the heights are
-        area means of a fixed point at a larger zoom.
+        sides of range blocks at the zoom are not whole numbers of pixels, the heights are area
+        means of a fixed point at a larger zoom.
     iterations : number of applications of the collage operator W.
     converged : whether the last iteration changed every pixel by at most the tolerance.
     change : largest change of a pixel in the last iteration, metres.
@@ -71,9 +71,9 @@ class CollageMap:
     pixels get back their fixed heights. With a fractal zoom z, range blocks have the side zB, and
     maps are z times as large. The side zB of every range block must be a whole number of pixels, 2
     or more (`legal_zoom`); otherwise the constructor raises `GenomeError`. If a domain block covers
-    only a part of a pixel, this pixel counts in proportion to the covered part. If there is a zoom,
-    the borders of the condensation are rounded to whole pixels. The operator W computes with
-    numbers of the type ``dtype``, float32 or float64.
+    only a part of a pixel, this pixel counts in proportion to the covered part. With a zoom, the
+    borders of the condensation are rounded to whole pixels. The operator W computes with numbers of
+    the type ``dtype``, float32 or float64.
     """
 
     def __init__(self, genome: Genome, zoom: float = 1, dtype: type = np.float32):
@@ -240,18 +240,18 @@ def decode(
     Parameters
     ----------
     settle : whether to make the roofs of the decoded map flat. With flat roofs, each building takes
-        its median height, and ground becomes 0. Gaps and steps of height separate buildings
-        (`evocity.views.buildings.settled`). Flat roofs do not change the heights of the
-        condensation. With ``settle=False``, the result is the raw attractor, as in the papers, with
-        fractal roofs. By default, the genome's field ``settle`` decides; `evocity.encode` sets this
-        field to True.
+        its median height, and ground becomes 0. Gaps, and jumps in height, separate one building
+        from the next (`evocity.views.buildings.settled`). Flat roofs do not change the heights of
+        the condensation. With ``settle=False``, the result is the raw attractor, as in the papers,
+        with fractal roofs. By default, the genome's field ``settle`` decides whether roofs are
+        flat; `evocity.encode` sets this field to True.
     zoom : fractal zoom z, a number above 0 (Marsault 2005 §2.4). A zoom above 1 creates detail, and
         a zoom below 1 removes detail. The map is decoded directly at the zoom z if zB is a whole
-        number of pixels, 2 or more, for the side B of every range block. At an unsuitable zoom, the
-        map is decoded at the next larger suitable zoom, and reduced by area means. With flat roofs,
-        a reduced pixel takes the most frequent height of its area instead of the mean.
-    tolerance : change of a pixel's height, metres; the iteration stops when no pixel changes by
-        more than the tolerance.
+        number of pixels, 2 or more, for the side B of every range block. If the zoom does not suit
+        the genome, the map is decoded at the next larger suitable zoom, and reduced by area means.
+        With flat roofs, a reduced pixel takes the most frequent height of its area instead of the
+        mean.
+    tolerance : largest change of a pixel's height, metres, at which the iteration stops.
     start : initial heights of the iteration at the zoom z, float ``(zH, zW)``; None starts from
         flat range blocks. The attractor does not depend on the initial heights.
     max_iterations : largest number of iterations. A decoding that needs ``max_iterations``
@@ -260,7 +260,7 @@ def decode(
     Raises
     ------
     GenomeError : the decoding diverges, or the genome cannot be decoded at this ``zoom``. Decoding
-        can diverge only if some lifs have \\|σ\\| ≥ 1; the message lists these lifs.
+        can diverge only if some lifs have \\|σ\\| ≥ 1; the error lists these lifs.
     """
     if not isinstance(genome, Genome):
         raise GenomeError(

@@ -93,22 +93,22 @@ def encode(
         must give the smallest side. If `block` is a single number, all range blocks have this side,
         px, 2 or more. If ``block`` is None, range blocks have sides of 2 to 16 px. If 16 does not
         divide the sides of the map, the largest range blocks are smaller.
-    lifs : largest number of lifs, which determines the weight λ in the cost of a code; a simple map
-        needs fewer lifs. By default, a code has at most one lifs for each 8 pixels of the map: 8192
-        for 256 × 256 px.
+    lifs : largest number of lifs; this limit determines the weight λ in the cost of a code. The
+        code of a simple map has fewer lifs than this limit. By default, a code has at most one lifs
+        for each 8 pixels of the map: 8192 for 256 × 256 px.
     max_error : largest collage error of a range block (root mean square, metres); this limit
         replaces the limit ``lifs``. Range blocks are as large as the limit ``max_error`` allows.
-        Range blocks of the smallest side may exceed the limit ``max_error``, see `Encoding.above`.
-    domains : sides of the domain blocks, as multiples of the side B of their range block. For
-        example, with the value ``(2, 3)`` the search uses domain blocks with the sides 2B and 3B.
+        Range blocks of the smallest side may exceed the limit ``max_error`` (see `Encoding.above`).
+    domains : sides of the domain blocks, as multiples of the side B of their range block. With
+        ``domains=(2, 3)``, for example, the search uses domain blocks with the sides 2B and 3B.
     reach : largest distance between the corners of a domain block and its range block, px along
         each axis. If ``reach`` is None, the search covers the whole map. A search of the whole map
         gives a better collage, but takes longer and makes the code less heritable.
     sigma_max : upper bound on \\|σ\\| in the search; infinity sets no bound. If ``sigma_max`` is
         below 1, decoding always converges.
     fit : whether to refine σ and β by `fit_attractor`. The search minimises the error of the
-        collage, and the fit minimises the error of the decoded map. The fit raises the collage
-        error a little above that of the search.
+        collage, and the fit minimises the error of the decoded map. After the fit, the collage
+        error is a little higher than after the search.
     settle : whether `decode` makes roofs flat by default, for this genome and its descendants.
     topological : tolerance of the collage error, as a share of the energy ‖r̃‖², with r̃ the
         heights of the range block minus their mean. Among the domain blocks whose error is within
@@ -118,9 +118,9 @@ def encode(
         collage error does not grow. If ``topological`` is None, the domain block with the lowest
         side D, row y, column x and isometry iso, in this order, wins a tie. The search chooses the
         sides of range blocks before it compares surroundings.
-    condensation : fixed heights that decoding does not change, on a grid of the map's size. The
-        search reads the map with the fixed heights, and skips range blocks that the condensation
-        covers completely.
+    condensation : fixed heights, which decoding does not change; the condensation has the same size
+        as the map. The search uses the map with the fixed heights of the condensation, and skips
+        range blocks that the condensation covers completely.
     threads : number of threads, or None for all cores; the genome is the same for any number.
     progress : function that is called with the number of finished rows of domain blocks, and the
         number of all rows. During the fit, the function is called with the number of attractors

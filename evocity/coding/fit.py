@@ -27,8 +27,8 @@ def psnr(original: CityMap, decoded: CityMap) -> float:
     """Compute the peak signal-to-noise ratio, dB: 10 log₁₀(peak² / mean squared difference).
 
     The peak of the formula is the height of the highest roof of the original. If both maps are
-    equal, the result is inf. If the original is all ground, a map with buildings gives -inf. Raises
-    `MapError` if the maps differ in the number or the size of their pixels.
+    equal, the result is inf. If the original contains only ground, a map with buildings gives -inf.
+    Raises `MapError` if the maps differ in the number or the size of their pixels.
     """
     same_grid([original, decoded])
     difference = original.heights.astype(np.float64) - decoded.heights

@@ -27,8 +27,8 @@ class Candidates:
 
     The arrays ``multiple`` (side of the domain block / side of the range block, 1 or more), ``y``,
     ``x`` and ``iso`` (0…7) hold whole numbers. The north-west pixel of the domain block is at row
-    ``y`` and column ``x``. The arrays ``sigma`` and ``beta`` (m) are float64, because float32 would
-    not keep true ties.
+    ``y`` and column ``x``. The arrays ``sigma`` and ``beta`` (m) are float64, because rounding to
+    float32 would hide which candidates tie.
     """
 
     starts: np.ndarray
@@ -52,21 +52,21 @@ def closest_neighbourhood(
     """Choose for each range block the candidate with the most similar surroundings.
 
     Ring k is the set of pixels at distance k around a block. The distance of a pixel from a block
-    is the larger of two distances: that in rows and that in columns. The ring of a domain block is
-    transformed like the block itself. Before the isometry, the ring of a domain block is averaged
-    over ``multiple`` × ``multiple`` pixels. After averaging, the isometry turns the whole square of
-    side B + 2k that ring k encloses, with B the side of the block. Finally, the heights of the
-    domain block's ring are multiplied by σ, and β is added.
+    is the larger of its distances in rows and in columns. The ring of a domain block is transformed
+    like the block itself. Before the isometry, the ring of a domain block is averaged over
+    ``multiple`` × ``multiple`` pixels. After averaging, the isometry turns the whole square of side
+    B + 2k that ring k encloses, with B the side of the block. Finally, the heights of the domain
+    block's ring are multiplied by σ, and β is added.
 
     The comparison begins with ring 1, and adds one ring in each step. After each ring, a candidate
-    drops out if its sum of squared differences exceeds the least sum of all candidates by more than
-    a tie. The comparison ends when only one candidate is left, when no candidate has pixels left,
-    or after the number ``rings`` of rings. Among the remaining candidates of a range block, the
+    drops out if its sum of squared differences exceeds the least sum of all candidates, and does
+    not tie with that sum. The comparison ends when only one candidate is left, when no candidate
+    has pixels left, or after ``rings`` rings. Among the remaining candidates of a range block, the
     first wins: the candidate with the lowest side D, row y, column x and isometry, in this order.
 
     - A pixel of a ring counts only if it lies on the map both around the range block and around the
       domain block. A missing pixel of a ring counts as the mean of the ring's other pixels. The
-      border of the map therefore has no influence on the choice of a candidate.
+      border of the map has no influence on the choice of a candidate.
     - A candidate without pixels in a ring loses to candidates with pixels in that ring.
 
     Parameters

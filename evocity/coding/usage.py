@@ -15,8 +15,8 @@ COUNTS = ("pixels", "domains", "ranges")
 
 @dataclass(frozen=True, eq=False)
 class Usage:
-    """Numbers of copies: each lifs copies (calls) a domain block with all its pixels (Marsault 2002
-    §5.5).
+    """Counts of copies in a genome: each lifs copies (calls) all pixels of a domain block (Marsault
+    2002 §5.5).
 
     genome : code of n lifs on ``(H, W)`` pixels.
     domain_blocks : different domain blocks of the genome, int32 ``(k, 4)``, the most copied block
@@ -78,23 +78,23 @@ def usage(genome: Genome) -> Usage:
 
 
 def low_pass(genome: Genome, f_c: float, *, count: str = "pixels") -> Genome:
-    """Lower those pixels to ground that the genome copies more often than the cut frequency f_c.
+    """Lower to ground all pixels that the genome copies more often than the cut frequency f_c.
 
     A condensation keeps the lowered pixels at ground in every iteration, so the attractor changes.
     A range block becomes flat, at its height β, if the filter lowers its domain block. A high f_c
-    removes few details, and a low f_c nearly all details (Marsault 2002 §5.5, 2005 §2.4).
+    removes few details, and a low f_c removes nearly all details (Marsault 2002 §5.5, 2005 §2.4).
 
     Parameters
     ----------
     f_c : cut frequency, a number of copies, 0 or more; infinity changes nothing. The papers show
         results for f_c = 1, 10 and 100.
     count : name of the pixel count that the filter compares with f_c: "pixels", "domains" or
-        "ranges", as the maps of `Usage`. With "pixels", the count of a pixel is the number of lifs
-        that copy this pixel (Marsault 2002). With "domains", the count of a pixel is the number of
-        lifs that copy the most copied domain block that contains the pixel. With "ranges", the
-        count of a pixel is the number of lifs that copy the domain block of the pixel's range block
-        (Marsault 2005). With ``count`` = "ranges" and f_c = 0, the filter keeps only uniform range
-        blocks.
+        "ranges"; the maps of `Usage` have the same names. With "pixels", the count of a pixel is
+        the number of lifs that copy this pixel (Marsault 2002). With "domains", the count of a
+        pixel is that of its most copied domain block: the number of lifs that copy this block. With
+        "ranges", the count of a pixel is the number of lifs that copy the domain block of the
+        pixel's range block (Marsault 2005). With ``count`` = "ranges" and f_c = 0, the filter keeps
+        only uniform range blocks.
 
     Returns
     -------
@@ -111,13 +111,13 @@ def low_pass(genome: Genome, f_c: float, *, count: str = "pixels") -> Genome:
 
 
 def high_pass(genome: Genome, f_c: float, *, count: str = "pixels") -> Genome:
-    """Lower those pixels to ground that the genome copies less often than the cut frequency f_c.
+    """Lower to ground all pixels that the genome copies less often than the cut frequency f_c.
 
     The filter `high_pass` is the counterpart of `low_pass`; Marsault 2002 §5.5 compares both
     filters. Pixels that the genome copies f_c times or more stay unchanged. A range block becomes
     flat if the filter lowers its domain block. If `low_pass` and `high_pass` have equal arguments
-    ``count`` and f_c, each pixel survives at least one of the two filters. The filters `low_pass`
-    and `high_pass` in sequence leave a band of frequencies.
+    ``count`` and f_c, each pixel survives at least one of the two filters. If you apply `low_pass`
+    and `high_pass` one after the other, a band of frequencies remains.
 
     Parameters
     ----------
@@ -129,8 +129,8 @@ def high_pass(genome: Genome, f_c: float, *, count: str = "pixels") -> Genome:
 
     Returns
     -------
-    Genome : filtered genome, of the form that `low_pass` returns. If no pixel has a count below
-        f_c, the result is the unchanged genome.
+    Genome : filtered genome, with unchanged lifs and a condensation of ground, as from `low_pass`.
+        If no pixel has a count below f_c, the result is the unchanged genome.
 
     Raises
     ------

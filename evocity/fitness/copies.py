@@ -37,7 +37,7 @@ _SQUARE = 1 / 6
 
 @fitness(goal="min", range=(0, 1))
 def repetition(city: CityMap, genome: Genome) -> float:
-    """Share of built ground that shows a place of a source city which also appears elsewhere on the
+    """Share of built ground whose place of origin in a source city appears again elsewhere on the
     map.
 
     Each pixel of a decoded map has a place of origin: a source city, and the row and column of a
@@ -47,8 +47,9 @@ def repetition(city: CityMap, genome: Genome) -> float:
     count as a repetition only if they are more than 12 m apart on the map, along rows or along
     columns. Open ground that an operator added has no place of origin.
 
-    A search that mirrors or copies quarters has a high value. Other measures do not show copies:
-    `street_distance` and `fabric_distance` stay near 0 even for a map that is full of copies.
+    Maps from a search that mirrors or copies quarters have a high value. Other measures do not show
+    copies: `street_distance` and `fabric_distance` stay near 0 even for a map that is full of
+    copies.
 
     Formula: number of built pixels whose place of origin is repeated / number of all built pixels.
     Unit: none. Range: 0 (no place of origin is repeated, as in the code of a source city) to 1.
@@ -144,12 +145,12 @@ def places_of_origin(city: CityMap, genome: Genome) -> Origins:
 def repeated_footprints(city: CityMap) -> float:
     """Share of buildings whose footprint occurs again on the map, possibly turned or mirrored.
 
-    Only buildings with at least 100 m² and at least 25 pixels count. Gaps and steps of height
-    separate buildings. The measure compares the areas of footprints, and moments of the footprints
-    that change neither with the angle nor with mirroring. A raster shows a small footprint too
-    coarsely for a comparison of moments. A footprint of less than 100 pixels is therefore repeated
-    only if another footprint equals it pixel by pixel, after a turn by 0, 90, 180 or 270 degrees,
-    mirrored or not.
+    Only buildings with at least 100 m² and at least 25 pixels count. Gaps and differences in height
+    separate buildings. The measure compares the areas of footprints, and moments that change
+    neither with rotation nor with mirroring. A raster shows a small footprint too coarsely for a
+    comparison of moments. A footprint of less than 100 pixels is repeated only if another footprint
+    equals it pixel by pixel. The comparison pixel by pixel allows turns by 90, 180 and 270 degrees,
+    and mirroring.
 
     Real cities have repeated footprints, for example in rows of equal houses: the bundled districts
     have values up to .05. The measure `repetition` shows copies of any size, but needs the genome.
@@ -160,7 +161,7 @@ def repeated_footprints(city: CityMap) -> float:
     (p, q) of the seven moments are (1, 1), (2, 0), (2, 1), (3, 0), (2, 2), (3, 1) and (4, 0). Two
     footprints of n pixels are equal if the logarithms of their areas differ by at most .3 / √n, and
     each moment differs by at most .008 m^{(p + q)/2}. The factor m is the moment with the exponents
-    (1, 1), divided by the same moment of a square, and at least 1. Unit: none. Range: 0 to 1.
+    (1, 1), divided by the same moment of a square, but at least 1. Unit: none. Range: 0 to 1.
     Empty map: NaN, like every map without a building of at least 100 m² and 25 pixels. Source: our
     own; moments that do not change with a rotation, Flusser 2000 (Pattern Recognition
     33:1405-1410).

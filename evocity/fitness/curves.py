@@ -30,7 +30,8 @@ _SIDE = 256
 def curve_length(curve) -> float:
     """Length of the curve; for a site, the length of the site's first course.
 
-    Formula: sum of the distances between successive points of the curve, at least 256 points.
+    Formula: sum of the distances between successive points of the curve, which has at least 256
+        points.
     Unit: metres. Range: 0 upwards.
     Source: none needed.
     """
@@ -56,7 +57,8 @@ def curve_dimension(curve) -> float:
     """Box dimension of the curve: 1 for a smooth curve, and more than 1 for a rough curve.
 
     Formula: −slope of ln N(ε) on ln ε, with N(ε) the number of boxes of side ε that the curve
-    passes. The longer side of the drawn curve has 256 px, and the boxes have sides of 4 to 64 px.
+    passes through. The longer side of the drawn curve has 256 px, and the boxes have sides of 4 to
+    64 px.
     Range: 0 to 2.
     Source: Mandelbrot 1967.
     """

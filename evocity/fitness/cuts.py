@@ -24,20 +24,21 @@ LOOSE = 0.05
 def integrity_along_fronts(city: CityMap, genome: Genome, sources: Sequence[CityMap]) -> float:
     """Share of built ground in buildings that are whole, or cut only along the front of a street.
 
-    `integrity` counts buildings that stand whole, pixel by pixel. An operator that turns buildings
-    to their street by any angle, and cuts them along its front, keeps buildings that `integrity`
-    does not count. This measure counts them.
+    The measure `integrity` counts only buildings that are whole in every pixel. The measure
+    `integrity_along_fronts` also counts buildings that an operator turned toward their street by
+    any angle and cut along the street.
 
-    The genome tells the source city and the place of origin of each pixel, as for `repetition`. A
+    The genome gives the source city and the place of origin of each pixel, as for `repetition`. A
     piece is connected built ground whose places of origin lie in one building of a source city. A
-    pixel of a piece is cut in one of the four directions of the raster if the building goes on in
-    its source city by 3 px or more in this direction, but not on the map. A cut is along a front if
-    a street begins there. The ground of a street is open ground around the middle lines of
-    `CityMap.alley_graph`, as far as the nearest wall plus 3 m. The frame of the map is not a cut.
-    A piece counts if its other cuts take up at most 5 % of its outline.
+    pixel of a piece is cut in a direction if the building continues for 3 px or more in this
+    direction in its source city, but not on the map. The directions are the four directions of the
+    raster. A cut lies along a front if a street begins at the cut. The ground of a street is open
+    ground around the middle lines of `CityMap.alley_graph`, as far as the nearest wall plus 3 m.
+    The border of the map is not a cut. A piece counts if cuts that do not lie along a front take up
+    at most 5 % of its outline.
 
-    Formula: Σ pixels of the pieces that count / Σ pixels of all pieces. The outline of a piece of n
-    pixels is taken to be 4 √n.
+    Formula: Σ pixels of the pieces that count / Σ pixels of all pieces. The measure sets the
+    outline of a piece of n pixels to 4 √n.
     Unit: none. Range: 0 to 1. Empty map: NaN (no built ground comes from a building of a source
     city).
     Source: our own; Marsault 2002 §6.1 wishes for operators that keep the identity of buildings.

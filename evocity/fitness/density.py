@@ -32,8 +32,9 @@ def gsi(city: CityMap) -> float:
 def fsi(city: CityMap) -> float:
     """Floor space index: floor area per unit of ground.
 
-    Formula: F / A, with A the area of the map, and F the area of a pixel times the number of floors
-    of all built pixels. The number of floors of a pixel is its height divided by 3 m, rounded.
+    Formula: F / A, with A the area of the map, and F the area of a pixel times the total number of
+    floors of the built pixels. The number of floors of a pixel is its height divided by 3 m,
+    rounded.
     Unit: none. Range: 0 upwards. Empty map: 0. Source: Berghauser Pont & Haupt, Spacematrix (2010).
 
     >>> heights = np.zeros((8, 8))

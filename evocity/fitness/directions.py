@@ -41,9 +41,9 @@ def alignment(city: CityMap) -> float:
     1 (two perpendicular directions in every neighbourhood). The two perpendicular directions may
     differ between neighbourhoods. A regular grid of blocks has a value of about .8 because of its
     corners and of the raster; coarse pixels lower the value slightly. Empty map: NaN, like every
-    map without steps of height, because it has no façades. Source: Marsault 2002 proposes this
-    measure, but gives no formula. The formula is evocity's own: a circular mean of fourfold
-    symmetry over the structure tensor of Bigün & Granlund (1987).
+    map without differences in height, because such a map has no façades. Source: Marsault 2002
+    proposes this measure, but gives no formula. The formula is evocity's own: a circular mean of
+    fourfold symmetry over the structure tensor of Bigün & Granlund (1987).
 
     >>> y, x = np.mgrid[:64, :64]
     >>> walls, tower = 9 * (x // 8 % 2), 9 * (np.hypot(x - 32, y - 32) < 15)
@@ -71,10 +71,10 @@ def alignment_global(city: CityMap) -> float:
     Formula: \\|Σ w e^{4iθ}\\| / Σ w over the map, with θ the angle of the gradient of heights, and
     w its weight, as in `alignment`. Streets that turn gradually give a high `alignment` and a low
     `alignment_global`. Unit: none. Range: 0 (façades in all directions) to 1 (two perpendicular
-    directions everywhere). Empty map: NaN, like every map without steps of height, because it has
-    no façades. Source: our own formula, which uses the angles and weights of the measure
-    `alignment`. The formula is the mean resultant length (Mardia & Jupp 2000, §2.3) of the angles
-    times four.
+    directions everywhere). Empty map: NaN, like every map without differences in height, because
+    such a map has no façades. Source: our own formula, which uses the angles and weights of the
+    measure `alignment`. The formula is the mean resultant length (Mardia & Jupp 2000, §2.3) of four
+    times the angles.
 
     >>> y, x = np.mgrid[:64, :64]
     >>> walls, tower = 9 * (x // 8 % 2), 9 * (np.hypot(x - 32, y - 32) < 15)

@@ -33,17 +33,17 @@ _CONSTANT = 1e-6
 def fabric_distance(
     city: CityMap, reference: Reference, genome: Genome | None = None
 ) -> Mapping[str, float]:
-    """Distance between the shapes of the map's buildings and those of buildings in other cities;
-    similar shapes give about 0.
+    """Distance between the shapes of the map's buildings and the shapes of buildings in other
+    cities; similar shapes give about 0.
 
     Each building of 24 m² or more has five features: logarithm of the area, elongation,
-    rectangularity, convexity, and share of party walls. Gaps and steps of height separate
-    buildings. The function returns three further numbers: distances with one additional feature
-    each. The number `fabric_distance.roughness` adds one feature to the distance: the standard
-    deviation of the heights within a building. The number `fabric_distance.height` adds one feature
-    to the distance: the mean height of a building. The number `fabric_distance.direction` adds one
-    feature to the distance: the direction of the walls, as cos 4θ and sin 4θ, so that perpendicular
-    walls have one direction.
+    rectangularity, convexity, and share of party walls. Gaps and differences in height separate
+    buildings. Besides the distance, the function returns three numbers: distances with one
+    additional feature each. The number `fabric_distance.roughness` adds one feature to the
+    distance: the standard deviation of the heights within a building. The number
+    `fabric_distance.height` adds one feature to the distance: the mean height of a building. The
+    number `fabric_distance.direction` adds one feature to the distance: the direction of the walls,
+    as cos 4θ and sin 4θ, so that perpendicular walls have the same direction.
 
     The reference is one city, or several cities with weights. Each building has the weight of its
     city, divided by the number of the city's buildings. If the reference holds the source cities of
@@ -52,13 +52,14 @@ def fabric_distance(
     buildings of its source cities has a distance of about 0 from these cities.
 
     The measure divides each feature by its standard deviation in the reference, with equal weights
-    for all cities. The unit of the distance is the standard deviation, which is the same for every
-    map. A feature that has the same value in all buildings of the reference does not count.
+    for all cities. The distance is in standard deviations of the reference, so its unit is the same
+    for every map. A feature that has the same value in all buildings of the reference does not
+    count.
 
     Formula: 2 E\\|X − Y\\| − E\\|X − X′\\| − E\\|Y − Y′\\|, with E the mean over pairs, X and X′
     two different buildings of the city, and Y and Y′ two different buildings of the reference. The
     estimate is unbiased: a map compared with itself has a value slightly below 0. Unit: none;
-    features count in standard deviations of the reference. Two parts of one real city have a
+    features count in standard deviations of the reference. Two districts of one real city have a
     distance of about .05; the distance between Montpellier and Lyon is 1.1. Range: from slightly
     below 0 upwards. Empty map: NaN. The distance is NaN if the map or the reference has fewer than
     20 buildings. Source: energy distance, Székely & Rizzo 2013 (Journal of Statistical Planning and

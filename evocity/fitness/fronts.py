@@ -24,7 +24,7 @@ _SEEN = 8.0
 
 @fitness(goal="max", range=(0, 1), any_site=True)
 def frontage(city: CityMap) -> float:
-    """Share of the façades toward a street that lie within 3 m of a common line.
+    """Share of street façades that lie within 3 m of the common line of their street front.
 
     A street front is the set of all façades on one side of an edge of the street graph. The street
     graph contains streets and alleys of 4 m or more, as for `street_distance`. Viewpoints lie on
@@ -34,13 +34,13 @@ def frontage(city: CityMap) -> float:
     which the façades of the front scatter most. A street front of fewer than 10 façades does not
     count.
 
-    Formula: Σ most / Σ façades over all street fronts, with most the largest number of façades of a
-    front in one strip. The strip is 3 m wide and runs along the line of the street front, where it
-    contains the most façades. Unit: none. Range: above 0, to 1 (all façades of each street front
-    lie in one strip). The map of Lyon has the value .83, and the map of New York has the value .77.
-    Children after many generations without selection have values of about .67. Empty map: NaN, like
-    every map without a street front of 20 m. Source: our own, after the street walls and setbacks
-    of Araldi & Fusco 2019 (EPB 46:1243-1263).
+    Formula: Σ m / Σ n over all street fronts, with n the number of a front's façades, and m the
+    largest number of these façades in one strip. The strip is 3 m wide, runs along the line of the
+    street front, and lies where it contains the most façades. Unit: none. Range: above 0, to 1 (all
+    façades of each street front lie in one strip). The map of Lyon has the value .83, and the map
+    of New York has the value .77. Maps have values of about .67 after many generations of breeding
+    without selection. Empty map: NaN, like every map without a street front of 20 m. Source: our
+    own, after the street walls and setbacks of Araldi & Fusco 2019 (EPB 46:1243-1263).
 
     >>> heights = np.full((80, 80), 9.0)
     >>> heights[40:45] = 0

@@ -78,8 +78,8 @@ class Objective:
 
     @classmethod
     def like(cls, measure: Measure, city: CityMap) -> "Objective":
-        """Make an objective to resemble the map ``city``; the target is the value of ``measure`` on
-        this map.
+        """Make an objective that rewards likeness to the map ``city``; the target is the value of
+        ``measure`` on this map.
 
         Raises `FitnessError` if the measure is undefined on the map ``city``.
         """

@@ -52,10 +52,11 @@ def integrity(city: CityMap, genome: Genome, sources: Sequence[CityMap]) -> floa
     building of a source city is whole if the map shows all pixels of the building under one
     isometry and one translation. The place of the building on the map does not matter. A building
     counts as whole, no matter how many generations it has passed through, or how many range blocks
-    it covers. Gaps and steps of height separate buildings. Crossover of groups of range blocks cuts
-    buildings at the edges of the groups; the measure shows how much stays whole. The function
-    `evocity.fitness.whole_buildings` lists the whole buildings with their places. The measure does
-    not suit children of an interpolation, because each of their lifs names only one of two parents.
+    it covers. Gaps and differences in height separate buildings. Crossover of groups of range
+    blocks cuts buildings at the edges of the groups; the measure shows how much stays whole. The
+    function `evocity.fitness.whole_buildings` lists the whole buildings with their places. The
+    measure does not suit children of an interpolation, because each of their lifs names only one of
+    two parents.
 
     Formula: Σ area of whole buildings / Σ area of the pixels that show built pixels of a source
     city; a building that appears twice counts twice. Unit: none. Range: 0 to 1. Empty map: NaN (no
@@ -85,18 +86,18 @@ def integrity_of(genome: Genome, sources: Sequence[CityMap]) -> float:
 def smallest_share(
     city: CityMap, genome: Genome, sources: Sequence[CityMap] | None = None
 ) -> float:
-    """Share of the built ground that comes from the source city with the smallest share.
+    """Smallest share that any source city has in the built ground.
 
     The attribute `parent` of the genome names the source city of each range block. Only built
-    ground that comes from a source city counts, without open ground that operators added and
-    buildings on it. If the smallest share falls to 0, the city is no longer a cross of its parents,
-    but a copy of one parent. With equal shares, the value is .5 for two source cities, and .33 for
-    three source cities.
+    ground that comes from a source city counts; buildings on open ground that operators added do
+    not count. If the smallest share falls to 0, the city is no longer a cross of its parents, but a
+    copy of one parent. With equal shares, the value is .5 for two source cities, and .33 for three
+    source cities.
 
-    The source cities are all cities that the genome or the run names. In a run of two cities, the
-    value is 0 for a map that comes from only one city, as for the codes of the source cities.
-    Without the argument ``sources``, only the cities that the genome names count, so the code of a
-    single city has the value 1.
+    The source cities are all cities that the genome or the run names. In a run of two cities, a map
+    that comes from only one city has the value 0, and so have the source cities. Without the
+    argument ``sources``, only the cities that the genome names count, so the code of a single city
+    has the value 1.
 
     Formula: minimum over the source cities of (number of built pixels from this city / number of
     built pixels from all source cities).
@@ -121,9 +122,9 @@ def source_shares(
 ) -> dict[str, float]:
     """Compute the share of each source city in the built ground of ``city``, by name.
 
-    The shares sum to 1, or are all 0 if no built ground comes from a source city. The cities are
-    first those that the ``genome`` names, in the genome's order, and then those of ``sources``. The
-    function takes about 0.2 ms for 256 × 256 px.
+    The shares sum to 1, or are all 0 if no built ground comes from a source city. The result lists
+    first the cities that the ``genome`` names, in the genome's order, and then the cities of
+    ``sources``. The function takes about 0.2 ms for 256 × 256 px.
     """
     parents = city.of_whole(genome.pavement.raster(genome.parent))[city.built]
     counts = np.bincount(parents, minlength=len(genome.cities))

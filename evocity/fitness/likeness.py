@@ -39,21 +39,22 @@ def picture_likeness(
 ) -> Mapping[str, float]:
     """Distance between pictures of the map and of other cities; about 0 for maps that look alike.
 
-    The function compares patches of 64 px that lie 32 px apart, as a viewer of the map sees them.
-    Each patch with buildings has four groups of features: histograms of oriented gradients of the
-    built ground and of the heights, and local binary patterns of both. The heights are whole
+    The function compares patches of 64 px that lie 32 px apart, as they look to a viewer of the
+    map. Each patch with buildings has four groups of features: histograms of oriented gradients and
+    local binary patterns, each for built ground and for heights. The heights are rounded to whole
     metres. The gradients have 8 orientations, cells of 16 px, and blocks of 2 × 2 cells. The
     patterns have 8 neighbours, at a radius of 2 px for the built ground, and of 1 px for heights.
-    Each group is divided by its standard deviation in the reference, so all groups count equally.
+    Each group of features is divided by its standard deviation in the reference, so all groups
+    count equally.
 
     The reference is one city, or several cities with weights, as for `fabric_distance`. For the
-    source cities of a run, the genome gives the weights. The number `picture_likeness.floor` is the
-    distance between halves of the reference: the mean of the west half from the east half, and of
-    the north half from the south half. A map with a distance near the floor looks like the
-    reference.
+    source cities of a run, the genome gives the weight of each city. The number
+    `picture_likeness.floor` compares halves of the reference: it is the mean of two distances, west
+    half to east half and north half to south half. A map looks like the reference if its distance
+    is near `picture_likeness.floor`.
 
-    Formula: 2 E\\|X − Y\\| − E\\|X − X′\\| − E\\|Y − Y′\\|, with X and X′ two different patches of
-    the city, Y and Y′ two of the reference.
+    Formula: 2 E\\|X − Y\\| − E\\|X − X′\\| − E\\|Y − Y′\\|, with E the mean over pairs, X and X′
+    two different patches of the city, and Y and Y′ two different patches of the reference.
     Unit: none; features count in standard deviations of the reference.
     Range: from slightly below 0 upwards.
     Empty map: NaN. The distance is NaN if the map or the reference has fewer than 9 patches with

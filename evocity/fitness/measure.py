@@ -29,7 +29,7 @@ _NO_REFERENCE = (
 
 
 class Undefined(float):
-    """The value NaN with a reason, as a measure's result for a map on which the measure's formula
+    """The value NaN with a reason: the result of a measure for a map on which the measure's formula
     has no meaning.
 
     >>> value = Undefined("no building to measure")
@@ -77,8 +77,8 @@ class Measure:
     beside : paths of files in the folder of the measure's file: the Python files that this file
         imports, and its ``data`` files. The content of the files in ``beside`` is part of the
         measure's source.
-    reference : default cities that the measure compares a map with (set by the method `bound`), or
-        None.
+    reference : default cities for the comparison with a map, or None; the method `bound` sets this
+        reference.
     any_site : whether the measure is correct for a part of a map, even if this part is not a
         rectangle.
     data : names of the files that the function reads, relative to the folder of its Python file.
@@ -276,9 +276,9 @@ class Family:
     """The measures of one function that returns several numbers; the call ``family(city)`` returns
     all these numbers by name.
 
-    Each `Measure` in the attribute ``measures`` has a name of the form ``function.number``. If one
-    number bears the function's name, the measure of this number has the name `function`, without
-    `.number`.
+    Each `Measure` in the attribute ``measures`` has a name of the form ``function.number``. If a
+    number has the same name as the function, the measure of this number is called `function`
+    instead of `function.number`.
     """
 
     name: str

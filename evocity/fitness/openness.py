@@ -27,9 +27,9 @@ def street_width(city: CityMap) -> float:
     include those of alleys and courtyards. Open ground does not count as a street if it is wider
     than 60 m, or nearer to the map's border than to a wall. Turning the map by a quarter, or
     mirroring it, changes the mean by about 1 %, because a middle line may follow either of two
-    middle pixels. Coarse pixels, and turns other than quarter turns, change the mean by more than 1
-    %. In a map at 1 m/px, turned by 10°, the measured width of a street of 6 m is 5.8 m. In a map
-    at 2 m/px, turned by 45°, the measured width of a street of 6 m is about 7 m.
+    middle pixels. Coarse pixels, and rotations by other angles than quarter turns, change the mean
+    by more than 1 %. In a map at 1 m/px, turned by 10°, the measured width of a street of 6 m is
+    5.8 m. In a map at 2 m/px, turned by 45°, the measured width of a street of 6 m is about 7 m.
     Unit: metres. Range: above 0, to 60. Empty map: NaN, like every map without streets. Source: the
     street profile of Araldi & Fusco 2019 (EPB 46:1243-1263), applied to the middle lines of a
     raster.
@@ -96,11 +96,12 @@ def sky_view_factor(city: CityMap) -> float:
     """Mean share of the sky that is visible from open ground.
 
     Formula: mean of cos² γ over 16 directions and over the viewpoints, with γ the angle of the
-    horizon above the viewpoint. Every 4th pixel across and down, counted from the nearer border, is
-    a viewpoint if it is open ground. If every 4th pixel is built on, every pixel of open ground is
-    a viewpoint instead. Along a ray, tan γ = max (h − h₀)/d, with h the height of a pixel, h₀ the
-    height of the viewpoint, and d the distance at which the ray enters the pixel. Each ray from a
-    viewpoint is 200 m long. The ground beyond the map counts as flat. Unit: none. Range: above 0 (a
+    horizon above the viewpoint. Viewpoints are the pixels of open ground in every 4th row and
+    column, counted from the border that is closer to the pixel. If all these pixels are built on,
+    every pixel of open ground is a viewpoint. Along a ray, tan γ = max (h − h₀)/d, with h the
+    height of a pixel, h₀ the height of the viewpoint, and d the distance at which the ray enters
+    the pixel. Each ray from a viewpoint is 200 m long. The ground beyond the map counts as flat.
+    Unit: none. Range: above 0 (a
     deep shaft) to 1 (open land). Empty map: 1. A map without open ground has the value NaN. Source:
     Oke 1987, Boundary Layer Climates; the method of horizons is by Dozier & Frew 1990 (IEEE TGRS
     28:963-969).

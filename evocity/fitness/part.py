@@ -55,8 +55,8 @@ class Part:
         return np.count_nonzero(self.mask) == np.prod([*spans])
 
     def of(self, city: CityMap) -> CityMap:
-        """Cut this part out of the map ``city``. The method cuts each map only once, and all
-        measures use this cut map."""
+        """Cut this part out of the map ``city``. The method cuts each map only once, and gives the
+        result to all measures."""
         cuts = _cuts.setdefault(city, {})
         if self not in cuts:
             cuts[self] = city.within(self.mask)

@@ -20,7 +20,7 @@ class Reference:
 
     cities : at least one map with which the measure compares other maps.
     weights : weight of each city; the weights sum to 1. If ``weights`` is None, the cities are the
-        source cities of a run; a genome gives the share of the map that comes from each city.
+        source cities of a run, and the genome of a map gives the weights for this map.
     """
 
     cities: tuple[CityMap, ...]
@@ -31,7 +31,8 @@ class Reference:
         """Make a reference from one city, a list of cities with equal weights, or a list of pairs
         (city, weight).
 
-        Raises `FitnessError` for an argument of a different form.
+        Raises `FitnessError` for an argument that is not a city, a list of cities, or a list of
+        pairs.
         """
         if isinstance(cities, cls):
             return cities
@@ -58,10 +59,10 @@ class Reference:
     def shares(self, city: CityMap, genome: Genome | None) -> np.ndarray:
         """Compute the weights of the k cities, float64 ``(k,)``; the weights sum to 1.
 
-        If the reference has no fixed weights, the method counts the built ground of ``city`` that
-        comes from each city of the reference, according to the genome. All weights are 0 if no
-        built ground of the map comes from the cities of the reference. The method raises
-        `FitnessError` if a needed genome is missing, or if the genome has no city of the reference.
+        Without fixed weights, the weight of a source city is its share of the built ground of the
+        map, according to the genome. All weights are 0 if no built ground of the map comes from the
+        cities of the reference. The method raises `FitnessError` if a needed genome is missing, or
+        if the genome has no city of the reference.
         """
         if self.weights is not None:
             return np.array(self.weights)

@@ -80,7 +80,7 @@ def fitness(
     data: str | Sequence[str] = (),
     of: str = "city",
 ) -> Callable[[Callable], Measure | Family]:
-    """Turn a function of a city map into a `Measure` with the function's name, as a decorator.
+    """Decorate a function of a city map to make it a `Measure` with the function's name.
 
     The function takes the city, and may take the arguments `reference`, `genome`, `parents` and
     `sources` by name. The argument ``reference`` is a `Reference`, which holds the cities to
@@ -95,16 +95,17 @@ def fitness(
         value, or a city to resemble.
     unit : unit of the number, "" for a pure number.
     range : lowest and highest possible value.
-    numbers : names of the numbers, if the function returns a mapping of several numbers. For
-        several numbers, the decorator returns a `Family`; its measures have names of the form
-        ``function.number``. The arguments ``goal``, ``unit`` and ``range`` can be one value for all
-        numbers, or a mapping with a value for each number. If the first number has the name of the
-        function, the decorator returns the `Measure` of this number instead of the `Family`.
+    numbers : names of the numbers, if the function returns a mapping of several numbers. If the
+        function returns several numbers, the decorator returns a `Family` of measures with names of
+        the form ``function.number``. The arguments ``goal``, ``unit`` and ``range`` can be one
+        value for all numbers, or a mapping with a value for each number. If the first number has
+        the name of the function, the decorator returns the `Measure` of this number instead of the
+        `Family`.
     any_site : whether the measure is correct for a part of a map that is not a rectangle;
         ``city.site`` marks the pixels of this part. If ``any_site`` is false, recipes accept only
         rectangles for this measure.
     data : files that the function reads, such as "trees.csv", from the folder of the Python file or
-        a folder in it. The content of data files is part of the measure's source, so runs store
+        from a subfolder. The content of data files is part of the measure's source, so runs store
         these files and send them to other machines. The function finds the file ``trees.csv`` by
         ``Path(__file__).with_name("trees.csv")``.
     of : type of the argument: "city" for a map; "shape", "curve" or "site" for runs that breed
@@ -189,7 +190,7 @@ def get(name: str) -> Measure:
 
 def named(name: str) -> list[Measure]:
     """Return the measure called ``name``, or all measures of the function ``name`` if it returns
-    several numbers. Raises `FitnessError` in the cases in which the function `get` raises it."""
+    several numbers. Raises `FitnessError` for an unknown name, like the function `get`."""
     known = measures(None)
     return [m for m in known if m.name == name] or family_of(name, known) or [get(name)]
 

@@ -101,14 +101,14 @@ def roof_flatness(city: CityMap) -> float:
 
 @fitness(unit="m", range=(0, math.inf), any_site=True)
 def height_context(city: CityMap) -> float:
-    """Mean step of height from a building to the five nearest buildings.
+    """Mean difference in height between a building and its five nearest buildings.
 
-    A search that places buildings anywhere puts towers among houses, with larger steps of height
-    than in the parents. Equal heights everywhere are not a good goal for a search. As a goal, give
-    the measure `height_context` a target or a bound from real cities.
+    A search that places buildings anywhere puts towers among houses, with larger differences in
+    height than in the parents. Equal heights everywhere are not a good goal for a search. As a
+    goal, give the measure `height_context` a target or a bound from real cities.
 
-    Formula: mean of \\|h_i − h_j\\| over the 5 buildings j nearest to a building i, then mean over
-    all buildings i of 24 m² or more, with h the mean height of a building (`CityMap.buildings`).
+    Formula: mean of m_i over all buildings i of 24 m² or more, with m_i the mean of \\|h_i − h_j\\|
+    over the 5 buildings j nearest to i, and h the mean height of a building (`CityMap.buildings`).
     Distances between buildings run from centroid to centroid. Buildings that are exactly as near as
     the fifth nearest building also count as nearest buildings. On a map of few buildings, fewer
     than 5 nearest buildings count. Unit: metres. Range: 0 (equal heights) upwards.

@@ -1,6 +1,6 @@
 """The shapes of buildings, their number, and the walls they share.
 
-Gaps and steps of height separate buildings (`CityMap.buildings`). Buildings of 24 m² and more
+Gaps and differences in height separate buildings (`CityMap.buildings`). Buildings of 24 m² and more
 count; smaller footprints are `crumbs`.
 """
 
@@ -37,7 +37,7 @@ def elongation(city: CityMap) -> float:
 
 @fitness(range=(0, 1), any_site=True)
 def rectangularity(city: CityMap) -> float:
-    """Mean share that a building fills of the smallest rectangle around the building.
+    """Mean ratio of a building's area to the area of the smallest rectangle around the building.
 
     Formula: mean of A / A_bb over all buildings, with A the area of the footprint and A_bb the area
     of the smallest rectangle around the footprint (`Buildings.box`). If rounding to pixels makes
@@ -58,7 +58,7 @@ def rectangularity(city: CityMap) -> float:
 
 @fitness(range=(0, 1), any_site=True)
 def convexity(city: CityMap) -> float:
-    """Mean share that a building fills of its convex hull.
+    """Mean ratio of a building's area to the area of its convex hull.
 
     Formula: mean of A / A_hull over all buildings, with A the area of the footprint and A_hull the
     area of its convex hull on the raster (`Buildings.hull_area`). Unit: none. Range: above 0 to 1
@@ -79,7 +79,7 @@ def convexity(city: CityMap) -> float:
 
 @fitness(range=(0, 1), any_site=True)
 def compactness(city: CityMap) -> float:
-    """Mean share that a building fills of the smallest circle around the building.
+    """Mean ratio of a building's area to the area of the smallest circle around the building.
 
     Formula: mean of A / (π R²) over all buildings, with A the area of the footprint and R the
     radius of the smallest circle around the footprint (`Buildings.circle`). Unit: none. Range:
@@ -140,11 +140,11 @@ def shape_index(city: CityMap) -> float:
 
 @fitness(unit="/ha", range=(0, math.inf), any_site=True)
 def building_density(city: CityMap) -> float:
-    """Number of buildings per hectare; steps of height separate the houses of a row.
+    """Number of buildings per hectare; differences in height separate the houses of a row.
 
-    Formula: number of buildings of at least 24 m², divided by the area of the map in hectares. Gaps
-    and steps of height of more than half a storey separate buildings (`CityMap.buildings`). The
-    measure `component_density` separates buildings by gaps only.
+    Formula: number of buildings of at least 24 m², divided by the area of the map in hectares.
+    Gaps, and differences in height of more than half a storey, separate buildings
+    (`CityMap.buildings`). The measure `component_density` separates buildings by gaps only.
     Unit: 1/ha. Range: 0 upwards. Empty map: 0.
     Source: a plain count of buildings, separated after Soille 2008 (IEEE PAMI 30:1132-1145).
 
@@ -178,7 +178,7 @@ def component_density(city: CityMap) -> float:
 
 @fitness(range=(0, 1), any_site=True)
 def party_wall_ratio(city: CityMap) -> float:
-    """Share of the length of all walls that belongs to party walls between two buildings.
+    """Length of party walls between two buildings, as a share of the length of all walls.
 
     Formula: 2 S / (2 S + E), with S the number of pixel sides between two buildings, and E the
     number of pixel sides between a building and open ground or the map's border. Pixel sides

@@ -54,9 +54,9 @@ class SizeLaw:
     error : standard error of the exponent m, computed from the Fisher information.
     smallest, largest : ends of the range, in the unit of the sizes.
     n : number of sizes within the fitted range.
-    share : share of all sizes that lie within the range, 0 to 1.
-    ks : Kolmogorov-Smirnov distance √n · max\\|F_empirical − F\\| of the n sizes on the range from
-        the distribution F of the law.
+    share : number of sizes within the range, divided by the number of all sizes; 0 to 1.
+    ks : Kolmogorov-Smirnov distance √n · max\\|F_empirical − F\\| between the n sizes on the range
+        and the distribution F of the law.
     p : probability, .001 to 1, that sizes drawn from the law have a larger distance `ks` than the
         fitted sizes.
     """
@@ -73,28 +73,29 @@ class SizeLaw:
 
 
 def fit_size_law(sizes: np.ndarray, step: float = 0.0, choose: str = "score") -> SizeLaw:
-    """Fit Salingaros' universal distribution to linear sizes: the range of sizes and the exponent
-    together.
+    """Fit Salingaros' universal distribution to linear sizes; the fit chooses the range of sizes
+    and the exponent.
 
     For each candidate range, the function fits the exponent m by maximum likelihood, with the
-    density ∝ x^{−(m+1)} of sizes x between the ends of the range. Each end lies beyond the smallest
-    or the largest size of the range, so far that the law expects half a size in between, at most by
-    the factor e. The ends beyond the extreme sizes make the fitted exponent nearly unbiased. A
-    range has at least 30 sizes.
+    density ∝ x^{−(m+1)} of sizes x between the ends of the range. The ends of the range lie beyond
+    its smallest and its largest size. The law expects half a size between an end and the nearest
+    size; the ratio between the end and this size is at most e. Because the ends lie beyond the
+    extreme sizes, the fitted exponent is nearly unbiased. A range has at least 30 sizes.
 
     Parameters
     ----------
     sizes : array of linear sizes (√area for footprints), above 0, in any unit and order.
     step : side of a pixel, in the unit of the sizes, for sizes that are measured on a map. With a
-        `step`, a size fits the law if any length within half a step of the size fits, at most
-        halfway to the next size. The default `step` is 0, for exact sizes.
+        `step`, each size becomes an interval: half a `step` below and above the size, but at most
+        halfway to the next size. A size fits the law if any length in the interval of the size
+        fits. The default `step` is 0, for exact sizes.
     choose : rule that chooses the range of sizes, "score" or "distance". With `choose` = "score",
         the function returns the range with the highest score. The rule "score" tries 24 lower ends,
         evenly spaced by rank, and leaves out 0, 1, 2, 4, 8 … of the largest sizes, up to an eighth
-        of all sizes. With "distance", the function tries every lower end, and returns the range
-        with the smallest distance max\\|F_empirical − F\\| of the sizes from the distribution F, as
-        Clauset et al. do. The range that "distance" returns is often short, and in some cities
-        small changes of the sizes move this range far.
+        of all sizes. With "distance", the function tries every lower end, as Clauset et al. do, and
+        returns the range with the smallest distance. The distance max\\|F_empirical − F\\| compares
+        the sizes with the distribution F of the law. With "distance", the range is often short, and
+        in some cities small changes of the sizes shift the range far.
 
     Raises
     ------
@@ -102,14 +103,14 @@ def fit_size_law(sizes: np.ndarray, step: float = 0.0, choose: str = "score") ->
         positive finite number; a negative `step`; an unknown value of `choose`.
 
     The value `p` is right for a range that is chosen in advance; a range that the function chooses
-    fits better by chance. On a range given in advance, sizes from the law have `p` below .1 in 6 to
-    13 % of cases, for exponents from 1 to 2, 100 to 1000 sizes, and ends in a ratio of 10 to 20.
-    The value `p` is below .1 more rarely for fewer sizes, or for a narrower range, than for many
-    sizes on a wide range.
+    fits better by chance. In tests with a range given in advance, `p` was below .1 for 6 to 13 % of
+    the samples from the law. The samples of these tests had 100 to 1000 sizes, exponents from 1 to
+    2, and ranges with a ratio of 10 to 20 between the ends. With few sizes or a narrow range, `p`
+    is below .1 less often than with many sizes on a wide range.
 
     Sources: Salingaros & West 1999 (EPB 26:909-923); Clauset, Shalizi & Newman 2009 (SIAM Review
-    51:661-703); Corral & Deluca 2013 (Acta Geophysica 61:1351-1394), who choose both ends, of the
-    widest range that fits.
+    51:661-703); Corral & Deluca 2013 (Acta Geophysica 61:1351-1394), who choose the widest range
+    that fits.
 
     >>> ranks = (np.arange(200) + 0.5) / 200
     >>> exact = 8 / (1 - 0.9 * ranks)  # the law with m = 1, from 8 to 80
@@ -150,10 +151,10 @@ def salingaros_law(city: CityMap) -> Mapping[str, float]:
     """How well the sizes of buildings follow Salingaros' law on the range of sizes that suits the
     map best.
 
-    The measures `salingaros` and `salingaros_buildings` fit the exponent on a fixed range of 5 to
-    273 m, and real cities have values near 0. The measure `salingaros_law` fits the range of sizes
-    and the exponent together (`fit_size_law`). Six further numbers of this function describe the
-    fit.
+    The measures `salingaros` and `salingaros_buildings` fit the exponent on the fixed range from 5
+    to 273 m, and have values near 0 for real cities. The measure `salingaros_law` fits the range of
+    sizes and the exponent together (`fit_size_law`). Besides the score, the function returns six
+    numbers that describe the fit.
 
     - `salingaros_law.exponent` is the exponent m of the law on the fitted range of sizes.
     - `salingaros_law.sizes` is the number of buildings within the fitted range of sizes.
@@ -174,16 +175,17 @@ def salingaros_law(city: CityMap) -> Mapping[str, float]:
     Formula: the highest product of four factors (exponent, agreement, width and share), over all
     ranges [a, b] of sizes. The factor exponent is exp(−½ (d/0.5)²), with d the distance of the
     fitted exponent m from the interval [1, 2], less the standard error of m. The factor agreement
-    is exp(−(e/0.03)²), with e = max\\|F_empirical − F\\| − 1/√n, at least 0: the distance of n
-    sizes from the law's distribution F that chance does not explain. The factor width is min(1,
-    ln(b/a)/2), with a and b the ends of the range. The factor share is n / N, with n of the N
-    buildings within the range. The size of a building is x = √area, the square root of its
-    footprint. Unit: none, but metres for the ends `smallest` and `largest` of the range. Range: 0
-    to 1; sizes drawn exactly from the law on a tenfold range have 1, and sizes that are all alike
-    have 0. Empty map: NaN, like every map of fewer than 30 buildings that count. If all sizes are
-    alike, the numbers `exponent`, `smallest`, `largest` and `p` are NaN. Source: Salingaros & West
-    1999 (EPB 26:909-923); Clauset, Shalizi & Newman 2009 (SIAM Review 51:661-703); Corral & Deluca
-    2013 (Acta Geophysica 61:1351-1394). The formula of the score is evocity's own.
+    is exp(−(e/0.03)²), with e = max\\|F_empirical − F\\| − 1/√n, but at least 0. The error e is the
+    distance of n sizes from the law's distribution F that chance does not explain. The factor width
+    is min(1, ln(b/a)/2), with a and b the ends of the range. The factor share is n / N, with N the
+    number of buildings, and n the number of buildings within the range. The size of a building is x
+    = √area, the square root of its footprint. Unit: none, but metres for the ends `smallest` and
+    `largest` of the range. Range: 0 to 1; sizes drawn exactly from the law on a tenfold range have
+    1, and sizes that are all alike have 0. Empty map: NaN, like every map of fewer than 30
+    buildings that count. If all sizes are alike, the numbers `exponent`, `smallest`, `largest` and
+    `p` are NaN. Source: Salingaros & West 1999 (EPB 26:909-923); Clauset, Shalizi & Newman 2009
+    (SIAM Review 51:661-703); Corral & Deluca 2013 (Acta Geophysica 61:1351-1394). The formula of
+    the score is evocity's own.
 
     >>> round(salingaros_law(evocity.read_map("montpellier-pas-du-loup")), 2)
     0.89

@@ -31,16 +31,16 @@ _SHARE = 4 * float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class SizeFit:
-    """A truncated power law fitted to sizes, and how well the sizes follow it.
+    """A truncated power law that is fitted to sizes, with the quality of the fit.
 
     m : exponent m of Salingaros' law p x^m = C, for p items of size x and a constant C.
     error : standard error of the exponent m, computed from the Fisher information.
-    ks : Kolmogorov-Smirnov distance √n · max\\|F_empirical − F\\| of n sizes from the distribution
-        F of the law; about 0.8 if the law holds.
+    ks : Kolmogorov-Smirnov distance √n · max\\|F_empirical − F\\| between n sizes and the
+        distribution F of the law; about 0.8 if the law holds.
     n : number of sizes within the bounds of the fit.
     span : ln(largest / smallest) of the sizes within the bounds.
-    occupancy : share, 0 to 1, of the size classes [a, ae), [ae, ae²) … from the smallest size a
-        upwards that hold at least one size.
+    occupancy : share, 0 to 1, of the size classes that hold at least one size; the classes are [a,
+        ae), [ae, ae²) … from the smallest size a upwards.
     """
 
     m: float
@@ -63,7 +63,7 @@ def fit_sizes(sizes: np.ndarray, a: float = SMALLEST, b: float = LARGEST) -> Siz
     sizes : array of linear sizes (√area for footprints), metres. The fit leaves out sizes outside
         the bounds a and b.
     a, b : smallest and largest size that count, metres, 0 < a < b. Choose the bounds in advance,
-        because bounds taken from the sample bias the fit.
+        because bounds that come from the sample make the fit biased.
 
     Raises
     ------
@@ -125,14 +125,14 @@ def salingaros(city: CityMap) -> float:
 def salingaros_buildings(city: CityMap) -> float:
     """How well the sizes of buildings follow Salingaros' universal distribution.
 
-    Formula: that of `salingaros`, with x = √area the size of a building. Gaps and steps of height
-    separate buildings (`CityMap.buildings`). In a dense district, a whole street block is one built
-    component. A map of a dense district has too few built components for a fit, but enough
-    buildings. Buildings less than 5 m wide (the short side of `Buildings.box`) do not count,
+    Formula: that of `salingaros`, with x = √area the size of a building. Gaps and differences in
+    height separate buildings (`CityMap.buildings`). In a dense district, a whole street block is
+    one built component. A map of a dense district has too few built components for a fit, but
+    enough buildings. Buildings less than 5 m wide (the short side of `Buildings.box`) do not count,
     because a search would otherwise add narrow strips of roofs. Marsault 2005 (§4.2) applies
     Salingaros' law to buildings. Unit: none. Range: 0 to 1. Empty map: NaN, like every map of fewer
-    than 30 buildings of 5 to 273 m. Source: Salingaros & West 1999 (EPB 26:909-923); the separation
-    of buildings is that of `building_density`.
+    than 30 buildings of 5 to 273 m. Source: Salingaros & West 1999 (EPB 26:909-923); buildings are
+    separated as in `building_density`.
 
     >>> heights = np.zeros((64, 64))
     >>> salingaros_buildings(CityMap(heights, 2.0)).reason
@@ -189,7 +189,7 @@ def small_buildings(city: CityMap) -> float:
     have few small buildings, but breeding adds many small buildings where it cuts larger buildings.
 
     Formula: number of buildings of less than 50 m², divided by the area of the map in hectares.
-    Gaps and steps of height separate buildings (`CityMap.buildings`).
+    Gaps and differences in height separate buildings (`CityMap.buildings`).
     Unit: 1/ha. Range: 0 upwards. Empty map: 0.
     Source: our own. In the bundled districts, 5 to 23 % of the buildings have less than 50 m².
 
@@ -209,7 +209,8 @@ def slivers(city: CityMap) -> float:
     sizes collects slivers.
 
     Formula: number of buildings whose smallest rectangle (`Buildings.box`) has a short side of less
-    than 5 m, divided by the number of all buildings. Gaps and steps of height separate buildings.
+    than 5 m, divided by the number of all buildings. Gaps and differences in height separate
+    buildings.
     Unit: none. Range: 0 to 1. Empty map: NaN (nothing is built). Source: our own. The bundled
     districts, and the maps decoded from their genomes, have values from .04 to .22.
 

@@ -42,32 +42,33 @@ def street_distance(city: CityMap, reference: Reference, genome: Genome | None =
     The measure describes each edge of the street graph by seven features. The graph contains
     streets and alleys of 4 m or more (`CityMap.alley_graph`).
 
-    - Feature 1 is the logarithm of the length of the edge plus 2 m.
-    - Feature 2 is the logarithm of the median width of the edge plus 2 m.
+    - Feature 1 is the logarithm of l + 2 m, with l the length of the edge.
+    - Feature 2 is the logarithm of w + 2 m, with w the median width of the edge.
     - Feature 3 is the bottleneck: the least width of the edge divided by its median width.
-    - Feature 4 is the logarithm of the length of the edge's street plus 2 m. Edges that go straight
-      on over a crossing form one street.
-    - Feature 5 tells whether the edge is a dead end, which is not an exit from the map.
+    - Feature 4 is the logarithm of s + 2 m, with s the length of the street that contains the edge.
+      Edges that go straight on over a crossing form one street.
+    - Feature 5 says whether the edge is a dead end; an exit from the map is not a dead end.
     - Feature 6 is the straightness: the distance between the edge's ends divided by its length.
     - Feature 7 is the order of directions: \\|Σ l e^{4iθ}\\| / Σ l over the edges within 80 m, with
       θ the direction from end to end and l the length of an edge. The place of an edge is the
       middle between its two ends.
 
-    The measure divides each feature by its standard deviation in the reference, but by at least .1;
-    all cities have equal weights. The reference is one city, or several cities with weights, as for
-    `fabric_distance`. The value is the least of the distances to each city with a weight, and to
-    all cities together. A map with the street plan of one of its source cities has a distance of
-    about 0, whatever its buildings are. In the distance to all cities together, each edge has the
-    weight of its city, divided by the number of the city's edges. For the source cities of a run,
-    the genome gives the weights, as for `fabric_distance`.
+    The measure divides each feature by its standard deviation in the reference, or by .1 if the
+    deviation is smaller; in this deviation, all cities have equal weights. The reference is one
+    city, or several cities with weights, as for `fabric_distance`. The value is the least of the
+    distances to each city with a weight, and to all cities together. A map with the street plan of
+    one of its source cities has a distance of about 0, whatever its buildings are. In the distance
+    to all cities together, each edge has the weight of its city, divided by the number of the
+    city's edges. For the source cities of a run, the genome gives the weight of each city, as for
+    `fabric_distance`.
 
     Formula: 2 E\\|X − Y\\| − E\\|X − X′\\| − E\\|Y − Y′\\|, with E the mean over pairs, X and X′
     two different edges of the city, and Y and Y′ two different edges of the reference. The estimate
     is unbiased: a map compared with itself has a value slightly below 0. Unit: none; features count
-    in standard deviations of the reference. Most pairs of windows of one real city have a distance
-    from −.05 to .3. Range: from slightly below 0 upwards. Empty map: NaN. The distance is NaN if
-    the map or the reference has fewer than 20 edges. Source: our own; energy distance, Székely &
-    Rizzo 2013 (Journal of Statistical Planning and Inference 143:1249-1272).
+    in standard deviations of the reference. Two windows of the same real city mostly have a
+    distance from −.05 to .3. Range: from slightly below 0 upwards. Empty map: NaN. The distance is
+    NaN if the map or the reference has fewer than 20 edges. Source: our own; energy distance,
+    Székely & Rizzo 2013 (Journal of Statistical Planning and Inference 143:1249-1272).
 
     >>> lyon = evocity.read_map("lyon-1er")
     >>> street_distance(evocity.read_map("montpellier-pas-du-loup"), reference=lyon) > 0.3

@@ -30,10 +30,10 @@ def box_dimension(city: CityMap) -> float:
     that hold a built pixel. The sides ε are the common divisors of the map's height and width in
     pixels, up to half of the map's shorter side. Boxes whose side divides height and width cover
     the map without gaps or overlaps. If height and width have fewer than 4 common divisors, the
-    sides are powers of two. For powers of two, N is the mean over four grids of boxes, one from
-    each corner of the map. Maps of nearly equal size may have different values (Lyon at 2 m/px:
-    1.901 for 240², 1.838 for 241², 1.887 for 242²). Box dimensions can be compared only between
-    maps of equal height and width.
+    sides are powers of two. If the sides ε are powers of two, N(ε) is the mean over four grids of
+    boxes, one grid from each corner of the map. Maps of nearly equal size may have different values
+    (Lyon at 2 m/px: 1.901 for 240², 1.838 for 241², 1.887 for 242²). Box dimensions can be compared
+    only between maps of equal height and width.
     Unit: none. Range: 0 (a point) to 2 (the plane). The value depends on the size of pixels: finer
     pixels give values nearer to 2. Empty map: NaN, like every map that is too small for three sizes
     of boxes, for example a map of 7 × 7 px. Source: Batty & Longley 1994, Fractal Cities, chapter
@@ -117,12 +117,13 @@ def autosimilarity(city: CityMap) -> float:
     """How well the small blocks of a map resemble larger blocks nearby.
 
     Formula: 1 − mean of (1 − ρ²), with ρ the best correlation of a range block with a shrunk domain
-    block under the 8 isometries. Range blocks have 4 × 4 px; blocks of one height do not count.
-    Domain blocks have 8 × 8 px and lie at most 12 px away from the range block. Flat ground and low
-    contrast do not raise the value. Unit: none. Range: 0 to 1; noise has a value of about 0.66, and
-    districts have values of .90 to .97. Empty map: 0, like every map in which each block has one
-    height. Rows and columns beyond the last complete block do not count. Source: Marsault 2005
-    §1.3. The error µ in this paper, divided by the variance of the block, equals 1 − ρ².
+    block under the 8 isometries. Range blocks have 4 × 4 px; blocks of constant height do not
+    count. Domain blocks have 8 × 8 px and lie at most 12 px away from the range block. Flat ground
+    and low contrast do not raise the value. Unit: none. Range: 0 to 1; noise has a value of about
+    0.66, and districts have values of .90 to .97. Empty map: 0, like every map made only of blocks
+    without differences in height. Rows and columns beyond the last complete block do not count.
+    Source: Marsault 2005 §1.3. The error µ of Marsault 2005, divided by the variance of the block,
+    equals 1 − ρ².
 
     >>> stripes = np.zeros((32, 32))
     >>> stripes[:, 14:18] = 9

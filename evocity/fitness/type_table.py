@@ -62,9 +62,9 @@ class TypeTable(LimitTable):
 
         Each section ``[[type]]`` has a ``name`` and limits of features; each limit is written as
         ``FEATURE = { from = LOWEST, below = END }``. The value LOWEST belongs to the type, and the
-        value END does not; a limit may omit LOWEST or END. If several entries have the name of one
-        type, this type includes the buildings of all these entries. The section ``[shares]`` may
-        give the desired share of each type in the built ground. If a table has only the section
+        value END does not; a limit may omit LOWEST or END. Entries with the same name form one
+        type, which includes the buildings of all these entries. The section ``[shares]`` may give
+        the desired share of each type in the built ground. If a table has only the section
         ``[shares]``, its types are the default types of evocity.
 
         Raises `FitnessError` if the document is not a table of types. The method `TypeTable.of`

@@ -25,28 +25,29 @@ def building_types(city: CityMap) -> Mapping[str, float]:
     cover.
 
     - Sheds (`building_types.shed`) cover less than 36 m².
-    - Courtyard blocks (`building_types.courtyard_block`) enclose, alone or with adjoining
-      buildings, courts of 3 % of the footprint or more.
-    - Rows (`building_types.row`) stand wall to wall around smaller courts or none, or are low, long
-      and free-standing.
+    - Courtyard blocks (`building_types.courtyard_block`) enclose courts of at least 3 % of the
+      footprint, alone or together with adjoining buildings.
+    - Rows (`building_types.row`) stand wall to wall with courts of less than 3 % of the footprint,
+      or are low, long and free-standing.
     - Slabs (`building_types.slab`) are free-standing: either long and at least 10 m high, or
       compact, large and at least 16 m high.
     - Towers (`building_types.tower`) are free-standing, compact and at least 16 m high, or stand in
       a street block and are at least 40 m high.
     - Halls (`building_types.hall`) are low, and either deep or very long.
-    - Detached houses (`building_types.detached`) are all other free-standing buildings.
+    - Detached houses (`building_types.detached`) are the free-standing buildings of no other type.
 
-    Gaps and steps of height separate buildings. Five features decide the type of a building: area,
-    mean height, share of party walls in the outline, courts of its built component, and elongation.
-    The file `evocity/data/building-types.toml` lists the limits and the reason for each. The
-    function `types_of` returns the type of each building.
+    Gaps and differences in height separate buildings. Five features decide the type of a building:
+    area, mean height, share of party walls in the outline, courts of its built component, and
+    elongation. The file `evocity/data/building-types.toml` lists the limits and the reason for
+    each. The function `types_of` returns the type of each building.
 
-    Formula: Σ A over the buildings of the type / Σ A over all, with A the area of the footprint.
+    Formula: Σ A over the buildings of the type / Σ A over all buildings, with A the area of the
+    footprint.
     Unit: none. Range: 0 to 1; the shares of all types sum to 1. Heights decide most types, so the
     shares of a map without heights mean little.
     Empty map: NaN (nothing is built).
-    Source: Marsault 2002 §6.2 (the "known distribution of a type of building or dwelling").
-    The types are common in planning. Limits for which the table names no source are our own.
+    Source: Marsault 2002 §6.2 (the "known distribution of a type of building or dwelling"). The
+    types are common in planning. If the table names no source for a limit, the limit is our own.
 
     >>> heights = np.zeros((64, 64))
     >>> heights[8:14, 8:13] = 6  # a house of 12 m × 10 m
@@ -83,7 +84,7 @@ def type_distance(city: CityMap, reference: Reference, genome: Genome | None = N
 
 @fitness(range=(0, 1), numbers=CLASSES, any_site=True)
 def object_classes(city: CityMap) -> Mapping[str, float]:
-    """Share of each class of objects in the ground that objects cover.
+    """Area of the objects of each class, as a share of the area of all objects.
 
     - Buildings have the class `object_classes.building`, and sheds have `object_classes.shelter`.
     - Benches, kiosks and hedges have the class `object_classes.furniture`.
@@ -91,13 +92,14 @@ def object_classes(city: CityMap) -> Mapping[str, float]:
     - Poles and lamps have the class `object_classes.post`.
     - Trees have the class `object_classes.tree`, and fountains have `object_classes.fountain`.
 
-    Gaps and steps of height separate the objects on a map. Area, height and shape decide the class
-    of an object. The file `evocity/data/classes.toml` lists the limits and the reason for each. The
-    property `CityMap.classes` holds the class of each object.
+    Gaps and differences in height separate the objects on a map. Area, height and shape decide the
+    class of an object. The file `evocity/data/classes.toml` lists the limits and the reason for
+    each. The property `CityMap.classes` holds the class of each object.
 
-    Formula: Σ A over the objects of the class / Σ A over all, with A the area of the footprint.
+    Formula: Σ A over the objects of the class / Σ A over all objects, with A the area of the
+    footprint.
     Unit: none. Range: 0 to 1; the shares of all classes sum to 1. Maps made from footprints have
-    only buildings and shelters, but a few of the smallest look like trees or posts.
+    only buildings and shelters, but evocity classifies a few of the smallest as trees or posts.
     Empty map: NaN (there is no object).
     Source: the seven classes are by Marsault 2005 (001 §3.1, figure 10). Marsault 2002 (§6.2)
     proposes known distributions of types as a goal. The limits are our own.
@@ -119,9 +121,9 @@ def object_classes(city: CityMap) -> Mapping[str, float]:
 def object_counts(city: CityMap) -> Mapping[str, float]:
     """Number of objects of each class per hectare.
 
-    The classes are those of `object_classes`: `object_counts.building`,
+    Each class of the measure `object_classes` has one number: `object_counts.building`,
     `object_counts.furniture`, `object_counts.tree`, `object_counts.ground`,
-    `object_counts.fountain`, `object_counts.shelter`, `object_counts.post`.
+    `object_counts.fountain`, `object_counts.shelter` or `object_counts.post`.
 
     Formula: number of objects of the class / area of the map in hectares.
     Unit: 1/ha. Range: 0 upwards. Adjoining houses of nearly equal height count as one building.

@@ -32,23 +32,25 @@ class Genome(Displayed):
 
     Parameters
     ----------
-    pavement : places and sides of the range blocks.
-    sigma, beta, x, y, dx, dy, iso : nucleotides, arrays ``(n,)``; `NUCLEOTIDES` has their bounds.
+    pavement : tiling of the map by range blocks, with the place and the side of each block.
+    sigma, beta, x, y, dx, dy, iso : arrays ``(n,)`` of nucleotides, with one entry for each lifs;
+        `NUCLEOTIDES` lists the bounds of the entries.
     parent, source, turn, other, part : arrays ``(n,)`` of provenance, with one entry for each lifs;
-        `PROVENANCE` describes each array. The five arrays of provenance name the source city, and
-        the place in this city, that each range block shows. Without the arrays ``turn``, ``other``
-        and ``part``, each range block shows a single city, without an isometry.
-    metres_per_pixel : side of a pixel of the coded map, metres.
+        `PROVENANCE` describes each array. Five arrays of provenance say from which source city, and
+        from which place in this city, each range block comes. Without the arrays ``turn``,
+        ``other`` and ``part``, each range block shows a single city, without an isometry.
+    metres_per_pixel : length of a pixel's side in the coded map, metres.
     cities : names of the source cities; the array ``parent`` holds indices into these names.
         Breeding identifies cities by their names, so give different maps different names before you
         breed them.
     sigma_max : upper bound on the absolute value of σ in each lifs; infinity for codes without a
         bound.
     attribution : text that the licences of the sources demand.
-    origin, crs : place of the decoded map on Earth, as in `CityMap`; None without a place.
+    origin, crs : coordinates and reference system of the decoded map, as in `CityMap`; None if they
+        are unknown.
     made : description of how the genome was bred: the operator, its parameters and its results.
-    condensation : heights of the pixels that decoding does not change, or None. Operators copy the
-        condensation to the child unchanged.
+    condensation : fixed heights, which decoding does not change; None if no heights are fixed.
+        Operators copy the condensation to the child unchanged.
     settle : whether `evocity.decode` makes roofs flat by default; `evocity.encode` sets this field
         to True. The field ``settle`` is False for codes made by hand and for codes of older
         releases.
@@ -131,15 +133,15 @@ class Genome(Displayed):
     @property
     def shares(self) -> np.ndarray:
         """Share of the map that comes from each source city, float64 ``(len(cities),)``. The shares
-        add up to 1. A lifs that interpolates two cities counts for both cities, in the shares that
-        the field ``part`` gives."""
+        add up to 1. If a lifs interpolates two cities, each city counts by its weight in the field
+        ``part``."""
         return self.shares_of(self.pavement.area.astype(float))
 
     def shares_of(self, pixels: np.ndarray) -> np.ndarray:
-        """Compute the shares of source cities in a part of the map, as the attribute `shares` holds
-        them for the whole map. The argument `pixels`, an array ``(n,)``, holds the number of pixels
-        that each range block has in the part of the map. All shares are 0 if the part of the map
-        contains no pixel."""
+        """Compute the share of each source city in a part of the map; the attribute `shares` covers
+        the whole map. The argument `pixels`, an array ``(n,)``, counts the pixels of each range
+        block within the part of the map. All shares are 0 if the part of the map contains no
+        pixel."""
         count = len(self.cities)
         total = np.bincount(self.parent, self.part * pixels, count)
         total += np.bincount(self.other, (1 - self.part) * pixels, count)
@@ -189,11 +191,11 @@ def sides_text(pavement: Pavement) -> str:
 
 
 def merged_cities(genomes: Iterable[Genome]) -> tuple[tuple[str, ...], list[np.ndarray], str]:
-    """Merge the lists of source cities of ``genomes`` for their child.
+    """Merge the source cities of several ``genomes`` into a list for a child of these genomes.
 
     The first result lists the names of the cities, each name once, in order of appearance. The
-    second result gives, for each genome, the index of each of its cities in the first result,
-    uint8. The third result is the joined attribution of all genomes.
+    second result holds a uint8 array for each genome: the indices of the genome's cities in the
+    first result. The third result is the joined attribution of all genomes.
     """
     genomes = list(genomes)
     names = list(dict.fromkeys(city for genome in genomes for city in genome.cities))
@@ -209,14 +211,13 @@ def merged_cities(genomes: Iterable[Genome]) -> tuple[tuple[str, ...], list[np.n
 
 
 def descended(genomes: Sequence[Genome]) -> tuple[list[dict[str, np.ndarray]], dict]:
-    """Collect all fields except the lifs that one child of several ``genomes`` inherits. The fields
-    are arguments of `Genome.replace`.
+    """Collect the fields that a child inherits from several ``genomes``, apart from its lifs. The
+    fields are arguments of `Genome.replace`.
 
-    The first result lists, for each genome, its fields ``parent`` and ``other``, converted to
-    indices into the child's cities. The second result maps the names of the child's remaining
-    fields to the values of these fields. The field ``settle`` is true if it is true for at least
-    one of the genomes. The fields ``origin`` and ``crs`` have values only if all genomes agree on
-    them.
+    The first result holds the fields ``parent`` and ``other`` of each genome, converted to indices
+    into the child's cities. The second result maps the names of the child's remaining fields to the
+    values of these fields. The field ``settle`` is true if it is true for at least one of the
+    genomes. The fields ``origin`` and ``crs`` have values only if all genomes agree on them.
     """
     cities, numbers, attribution = merged_cities(genomes)
     places = {(genome.origin, genome.crs) for genome in genomes}
@@ -236,6 +237,7 @@ def descended(genomes: Sequence[Genome]) -> tuple[list[dict[str, np.ndarray]], d
 
 
 def joined(attributions: Iterable[str]) -> str:
-    """Join attributions with "; "; a line that several attributions contain appears only once."""
+    """Join attributions with semicolons; a line that several attributions contain appears only
+    once."""
     lines = (line for text in attributions for line in text.split("; ") if line)
     return "; ".join(dict.fromkeys(lines))

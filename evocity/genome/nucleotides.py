@@ -10,7 +10,7 @@ from evocity.citymap import MAX_SIDE
 
 @dataclass(frozen=True)
 class Nucleotide:
-    """A field of a lifs, with its type, its unit, and its bounds in words."""
+    """Description of a field of a lifs: its type, its unit, and its bounds in words."""
 
     dtype: np.dtype
     unit: str

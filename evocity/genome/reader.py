@@ -42,9 +42,9 @@ def read_genome(path: str | os.PathLike) -> Genome:
     """Read a genome file written by `Genome.write`.
 
     Raises `GenomeError` if the file is missing, holds no genome, has another schema version, or
-    holds nucleotides out of bounds. A file with a seal must have the bytes that evocity wrote. The
-    function parses a file without a seal in a separate process. Reading never executes code from
-    the file.
+    holds nucleotides out of bounds. A file with a seal must contain exactly the bytes that evocity
+    wrote. The function parses a file without a seal in a separate process. Reading never executes
+    code from the file.
     """
     path = Path(path)
     if not path.is_file():

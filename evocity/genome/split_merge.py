@@ -23,7 +23,7 @@ _CARRIED = tuple(name for name in FIELDS if name not in (*DOMAIN, "source"))
 
 def split(genome: Genome, side: int, where: np.ndarray | None = None) -> Genome:
     """Split every range block larger than ``side`` px into four, and repeat until no block is
-    larger. Splitting does not change the decoded map.
+    larger than ``side``. Splitting does not change the decoded map.
 
     Splitting a range block also splits its domain block. After splitting, a part of a domain block
     may lie farther from its range block than the search allowed by ``reach``.
@@ -75,9 +75,9 @@ def split(genome: Genome, side: int, where: np.ndarray | None = None) -> Genome:
 
 
 def refined(genome: Genome, pavement: Pavement) -> Genome:
-    """Split a genome's range blocks into the range blocks of a finer pavement; the decoded map
-    stays the same. Raises `GenomeError` unless each new range block lies in one range block of the
-    genome."""
+    """Split a genome's range blocks into the smaller range blocks of ``pavement``; the decoded map
+    stays the same. Raises `GenomeError` unless each range block of the pavement lies inside a range
+    block of the genome."""
     p = genome.pavement
     if pavement == p:
         return genome
@@ -138,8 +138,8 @@ class Pieces:
     cell : side of a cell, px.
     whose : number of the genome that each cell comes from, ``(R, C)`` for R rows and C columns of
         cells.
-    row, column : row and column of the shown cell in its genome, ``(R, C)``.
-    iso : number of the isometry that turns or mirrors each shown cell, ``(R, C)``.
+    row, column : row and column of each copied cell in the existing genome, ``(R, C)``.
+    iso : number of the isometry that turns or mirrors each copied cell, ``(R, C)``.
     """
 
     cell: int
@@ -150,8 +150,8 @@ class Pieces:
 
     @classmethod
     def in_place(cls, whose: np.ndarray, cell: int) -> "Pieces":
-        """Make a grid of cells that show their own places; ``whose`` ``(R, C)`` is the number of
-        the genome for each cell."""
+        """Make a grid in which each cell copies the cell at the same row and column; ``whose``
+        ``(R, C)`` is the number of the genome for each cell."""
         row, column = np.indices(np.shape(whose))
         return cls(cell, np.asarray(whose), row, column, np.zeros(np.shape(whose), np.uint8))
 
@@ -168,16 +168,17 @@ class Layout:
 
 def laid(genomes: Sequence[Genome], pieces: Pieces, *, carried: bool = False) -> Layout:
     """Make a genome from the cells in ``pieces``, which come from several ``genomes``. The range
-    blocks of the new genome are the largest squares that show a part of one lifs. A range block of
-    an old genome is split only if it lies across a border between two pieces.
+    blocks of the new genome are the largest squares that copy a part of a single lifs. A range
+    block of an existing genome is split only if a border between two copied cells crosses the
+    block.
 
     By default, a domain block keeps its place on the map; only the isometry of the lifs that reads
     the domain block changes. If ``carried`` is true, a domain block moves and turns together with
     its range block. A domain block that would extend beyond the map is shifted into the map.
 
-    The new map has the size of the grid of cells; the function `descended` lists the fields besides
-    the lifs that the genome inherits. Raises `GenomeError` if repeated halving of the range blocks
-    cannot reach the borders between pieces.
+    The new map has the size of the grid of cells. The function `descended` lists the fields that
+    the new genome inherits, apart from its lifs. Raises `GenomeError` if repeated halving of range
+    blocks gives no edges along the borders between cells.
     """
     cell, (rows, columns) = pieces.cell, pieces.whose.shape
     height, width = rows * cell, columns * cell

@@ -29,7 +29,7 @@ class Growth:
 
     originals : genomes of the cities from which the fabric grows. The first original appears
         unchanged in the fabric, and groups of cells come from all originals.
-    plane : object that computes an endless plane of cells, by position.
+    plane : object that computes the cells of an endless plane at any position.
     shape : size ``(H, W)`` of the map to be written, px. The map to be written is a rectangle of
         the fabric.
     place : row and column of the first original's north-west pixel. All rows and columns count from
@@ -91,8 +91,9 @@ class Growth:
     def city(
         self, top: int = 0, left: int = 0, height: int | None = None, width: int | None = None
     ) -> CityMap:
-        """Make a map of a rectangle, by default of the whole map to be written. The map takes four
-        bytes per pixel, and each computed view takes another four bytes per pixel."""
+        """Make a map of a rectangle of the fabric; by default, the rectangle is the whole map to be
+        written. The map takes four bytes per pixel; each view that the map computes, such as
+        ``labels``, takes four bytes per pixel in addition."""
         top, left, height, width = self._rectangle(top, left, height, width, whole=True)
         return CityMap(
             self.window(top, left, height, width),
@@ -106,11 +107,11 @@ class Growth:
     def sources(
         self, top: int = 0, left: int = 0, height: int | None = None, width: int | None = None
     ) -> dict[str, np.ndarray]:
-        """Find the source of each cell of a rectangle: four int64 arrays ``(rows, columns)``. The
-        four arrays hold the number of the original, the row and the column of the cell in this
-        original, and the isometry of the cell. In a fabric with streets,
-        buildings turn by any angle. The arrays then hold the cell of the original that is nearest
-        to the place, and the nearest isometry.
+        """Find the source of each cell in a rectangle, and return four int64 arrays ``(rows,
+        columns)``. The four arrays hold the number of the original, the row and the column of the
+        cell in this original, and the isometry of the cell. In a fabric with streets, where
+        buildings turn by any angle, the arrays hold the nearest cell of the original and the
+        nearest isometry.
 
         Raises `OperatorError` if the borders of the rectangle cut cells.
         """
@@ -137,11 +138,12 @@ class Growth:
         the mean difference of heights along the outlines of all groups of cells, metres. The entry
         ``forced`` counts groups for which no candidate was admissible; each of these groups took
         the candidate with the least difference. The entry ``repeated`` counts groups for which
-        every candidate repeated a known window of 64 × 64 px. In a fabric with streets,
-        groups are quarters. The entry ``front`` then replaces ``step`` and ``repeated``: it is the
-        mean built share of a strip along the outlines of quarters, 0…1. The entry ``forced`` counts
-        quarters that stay open, because no place fits. The function ``progress`` is called with two
-        numbers: the number of finished tiles, and the number of all tiles.
+        every candidate repeated a window of 64 × 64 px from elsewhere. In a fabric with streets,
+        each group of cells is a quarter between streets. With streets, the entry ``front`` replaces
+        ``step`` and ``repeated``: it is the mean share of built ground, 0…1, in a strip along the
+        outlines of quarters. With streets, the entry ``forced`` counts quarters that stay open
+        because no place of an original fits. The function ``progress`` is called with two numbers:
+        the number of finished tiles, and the number of all tiles.
         """
         top, left, height, width = self._rectangle(top, left, height, width)
         top, left = top - self.place[0], left - self.place[1]
@@ -171,22 +173,22 @@ class Growth:
         reach: int | None = 24,
         domains: Sequence[int] = (2,),
     ) -> Genome:
-        """Make a genome of a rectangle of the fabric. Each lifs keeps its place within its group of
-        cells.
+        """Make a genome of a rectangle of the fabric. Inside a group of cells, each lifs keeps its
+        place.
 
         A domain block moves and turns together with its range block. Near the border of a group or
         of the rectangle, a domain block may cover fabric that differs from the original. Collage
-        repair gives damaged range blocks new domain blocks within ``reach``, as for every operator.
-        A range block is damaged if its decoded heights differ from those of the method `window` by
-        more than ``repair`` metres (root mean square). If ``repair`` is None, the method does not
-        repair the genome.
+        repair gives damaged range blocks new domain blocks within the distance ``reach``, as in
+        every operator. A range block is damaged if its decoded heights differ by more than
+        ``repair`` metres (root mean square) from the heights that `window` returns. If ``repair``
+        is None, the method does not repair the genome.
 
         The lifs keep the fields ``parent`` and ``source`` of the originals. The genome has the
         condensation of the first original. Decoding and repair take about 170 bytes of memory per
         pixel.
 
-        Raises `OperatorError` if the rectangle cuts cells, or if halving the originals' range
-        blocks never gives a cell.
+        Raises `OperatorError` if the rectangle cuts cells, or if repeated halving of the originals'
+        range blocks never gives the side of a cell.
         """
         rectangle = self._rectangle(top, left, height, width, whole=True)
         made = {**self.made, **self.account(*rectangle)}

@@ -58,22 +58,22 @@ def grow(
     §4.2). A group is a rectangle of cells of the original's decoded map, under one of the 8
     isometries. The rim of a group of cells overlaps the surroundings of the group. Candidates for
     each group are drawn at random, and the candidates that differ least from the surroundings are
-    kept. The overlap is cut along the line of least difference; this line mostly follows streets
-    (Kwatra and others 2003, Graphcut textures).
+    kept. Overlapping groups are cut along the line of least difference, which mostly follows
+    streets (Kwatra and others 2003, Graphcut textures).
 
     A candidate is admissible if the mean difference of heights along the candidate's outline is at
-    most ``tolerance``, as in `PavementFusion`. Among admissible candidates, those with small
-    differences and rarely used cells win, so that cells from the whole original appear. A candidate
-    that continues the copied pixels of a neighbouring group is chosen only after all other
-    candidates. No candidate repeats a window of 64 × 64 px within its tile, unless this window also
-    repeats in the original.
+    most ``tolerance``, as in `PavementFusion`. Among admissible candidates, the function prefers
+    small differences and rarely used cells, so that cells from the whole original appear. A
+    candidate that continues the copied pixels of a neighbouring group is chosen only after all
+    other candidates. Within a tile, no candidate repeats a window of 64 × 64 px that the original
+    does not repeat.
 
-    With ``streets``, the fabric has streets that run through. Avenues divide the plane into
-    districts, and straight streets divide each district into quarters. A quarter shows the
-    buildings of one place of an original, turned to the quarter's streets by any angle. A street
-    cuts a building only along the building's front, and small pieces are left out. Streets of the
-    original end in the streets around the quarter, or go on beyond them. So street lengths stay
-    near those of the originals.
+    With ``streets``, the fabric has a network of continuous streets. Avenues divide the plane into
+    districts, and straight streets divide each district into quarters. Each quarter copies the
+    buildings at one place of an original, and turns them by any angle to follow the quarter's
+    streets. A street cuts a building only along the building's front, and small pieces are left
+    out. Inside a quarter, streets of the original end at the surrounding streets, or continue
+    beyond these streets. Street lengths in the fabric stay near those of the originals.
 
     The first number of the generator `rng` is the seed; seed and position determine the content of
     the fabric. The fabric grows in tiles of about 128 px, and each tile depends only on its
@@ -82,9 +82,9 @@ def grow(
 
     Parameters
     ----------
-    genome : original genome, or several of equal pixel size, each with 6 × 6 cells or more. The
-        first original appears in the fabric. Groups of cells come from all originals; the parameter
-        ``share`` sets the proportions.
+    genome : original genome, or several genomes of equal pixel size, each of at least 6 × 6 cells.
+        The first original appears in the fabric. Groups of cells come from all originals; the
+        parameter ``share`` sets the proportions.
     height, width : size of the rectangle to be written, px; None means the size of the first
         original.
     rng : generator whose first number becomes the seed of all random draws.
@@ -94,31 +94,34 @@ def grow(
     share : share of each original in the fabric. If ``share`` is None, the shares form a ramp from
         the first original in the west to the last original in the east. If ``share`` is a number
         from 0 to 1, this number is the constant share of the second of two originals. If ``share``
-        is a sequence, the sequence has a constant share for each original. If ``share`` is an array
-        ``(h, w)``, or one such array for each original, the array covers the rectangle
-        ``share_over``; its edge values continue outside. If ``share`` is a function, the function
-        returns the share for the row and the column of a pixel.
+        is a sequence, the sequence has a constant share for each original. The parameter ``share``
+        may be an array ``(h, w)``, or a sequence of such arrays, one for each original. Arrays of
+        shares cover the rectangle ``share_over``, and the edge values of an array continue outside
+        the rectangle. If ``share`` is a function, the function returns the share for the row and
+        the column of a pixel.
     share_over : rectangle (top, left, height, width), px, that a ramp or an array of shares covers.
-        The rows and columns of ``share_over`` count from the rectangle to be written. If
-        ``share_over`` is None, a ramp or an array of shares covers the rectangle to be written.
+        The rows and columns of ``share_over`` count from the north-west corner of the rectangle to
+        be written. If ``share_over`` is None, a ramp or an array of shares covers the rectangle to
+        be written.
     cell : side of the square cells, px, 2 to 11; the side must divide the sides of the originals.
-        If ``cell`` is None, a cell has a side of about 8 m, if possible a multiple of the range
-        blocks' side.
-    side_min, side_max : smallest and largest side of a group of cells with its rim, metres, rounded
-        to cells. The smallest side must be 3 cells or more, and the largest side 5 cells or more.
-        Each side of a group must be at most 56 px, and less than the sides of the originals. By
-        default, the largest side of a group is half the originals' shortest side, and the smallest
-        side is half the largest side.
+        If ``cell`` is None, the side of a cell is about 8 m, and a multiple of the range blocks'
+        side if possible.
+    side_min, side_max : smallest and largest side of a group of cells including the rim, metres,
+        rounded to cells. The smallest side must be 3 cells or more, and the largest side must be 5
+        cells or more. Each side of a group must be at most 56 px, and less than the sides of the
+        originals. By default, the largest side of a group is half the originals' shortest side, and
+        the smallest side is half the largest side.
     tolerance : largest mean difference of heights along the outline of a group of cells, metres.
     candidates : number of candidates for each group of cells, 1 or more.
-    turned : whether groups may be rotated and mirrored; if false, streets keep their directions.
-        With ``streets``, a quarter then turns by at most 45°.
-    streets : whether quarters between through streets fill the plane, in place of groups of cells.
-        The bounds ``side_min`` and ``side_max`` then apply to quarters, from 40 m to .55 of the
-        originals' shortest side; by default, quarters have sides of about 130 to 270 m. The
-        parameter ``candidates`` applies to quarters, and ``tolerance`` must keep its default.
-    size_min, size_max : deprecated forms of ``side_min`` and ``side_max``, counted in range blocks,
-        for range blocks of one side.
+    turned : whether groups may be rotated and mirrored; if false, streets keep their directions. If
+        ``turned`` is false, the buildings of a quarter between streets turn by at most 45°.
+    streets : whether the plane consists of quarters between streets, instead of groups of cells.
+        With ``streets``, the bounds ``side_min`` and ``side_max`` apply to quarters, from 40 m to
+        0.55 of the originals' shortest side. By default, quarters have sides of about 130 to 270 m.
+        With ``streets``, the parameter ``candidates`` applies to quarters, and ``tolerance`` must
+        keep its default.
+    size_min, size_max : deprecated forms of ``side_min`` and ``side_max``, counted in range blocks
+        of equal size.
 
     Raises
     ------

@@ -28,8 +28,8 @@ def read_condensation(
 
     Parameters
     ----------
-    place : file in any format that `read_map` reads. The condensation fixes pixels with their
-        centre in a polygon of the file, or with a raster value above 0.
+    place : file in any format that `read_map` reads. The condensation fixes each pixel whose centre
+        lies in a polygon of the file, or whose raster value exceeds 0.
     city : map to encode, or another map on the same grid.
     heights : number or file that gives the fixed heights; None uses the heights of ``city``. If
         ``heights`` is a number, all pixels of the condensation get this height, metres. A raster
@@ -38,9 +38,9 @@ def read_condensation(
 
     Raises
     ------
-    MapError : a file cannot be read, or a raster differs in size from the city. MapError is raised,
-        too, for a height outside 0 to 1000 m, and for a file that covers no pixel of the city. If
-        the city has no place on Earth, a file with a place on Earth raises MapError.
+    MapError : a file cannot be read, or a raster differs in size from the city. A height outside 0
+        to 1000 m raises MapError, and so does a file that covers no pixel of the city. If the city
+        has no place on Earth, a file with a place on Earth raises MapError.
     """
     mask, attribution = _mask(place, city)
     lines = [attribution]

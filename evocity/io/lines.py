@@ -37,9 +37,9 @@ WIDEST = 1000.0
 class PlacedLines:
     """Polylines, the reference system of their coordinates, and their attribution.
 
-    Each line is float ``(n, 2)``, metres: x to the east, y to the north. The field ``crs`` is a
-    code, a plain PROJ string, or None for lines without a place on Earth. The field ``attribution``
-    is the credit that the licence of the file demands.
+    Each line is a float array ``(n, 2)`` in metres, with x to the east and y to the north. The
+    field ``crs`` is a code, a plain PROJ string, or None for lines without a place on Earth. The
+    field ``attribution`` is the credit that the licence of the file demands.
     """
 
     lines: tuple[np.ndarray, ...]
@@ -51,10 +51,10 @@ def read_lines(path: str | os.PathLike) -> PlacedLines:
     """Read the lines of a GeoJSON file: LineStrings and the rings of polygons, in the order of the
     file.
 
-    Coordinates in degrees (RFC 7946) are projected to metres, about the middle of the lines.
-    Coordinates stay unchanged if a ``crs`` member names a metric reference system. A document with
-    ``"window": true`` has no place on Earth; its coordinates are metres from a south-west corner.
-    Repeated points and lines of one point are left out.
+    Coordinates in degrees (RFC 7946) are projected to metres; the middle of the lines is the centre
+    of the projection. Coordinates stay unchanged if a ``crs`` member names a metric reference
+    system. A document with ``"window": true`` has no place on Earth; its coordinates are metres
+    from a south-west corner. The function leaves out repeated points, and lines of a single point.
 
     Raises `MapError` if the file is not GeoJSON, has no lines, or has too many points.
     """
@@ -131,9 +131,10 @@ def crs_code(city: CityMap) -> str | None:
 def line_on(city: CityMap, line: np.ndarray, crs: str | None) -> np.ndarray:
     """Convert a ``line`` ``(n, 2)`` from the reference system ``crs`` to the coordinates of a city.
 
-    A city with a place on Earth has coordinates in its reference system; a city without a place has
-    metres from its south-west corner. A line without ``crs`` is in metres from the south-west
-    corner of the city. Raises `MapError` if the line has a place on Earth and the city has not.
+    The coordinates of a city with a place on Earth are in the city's reference system; the
+    coordinates of other cities are metres from the city's south-west corner. A line without ``crs``
+    is in metres from the south-west corner of the city. Raises `MapError` if the line has a place
+    on Earth but the city has no place on Earth.
     """
     if crs is None:
         if city.origin is None:

@@ -100,8 +100,9 @@ def read_map(
         (`READERS`): GeoJSON, CityJSON, GeoPackage, Shapefile, OSM XML and PBF, GeoTIFF, PNG, NPY.
     pixels : number of pixels along each side of the square window. By default, the window has 256 ×
         256 px for a file of footprints, and covers a raster completely.
-    metres_per_pixel : side of a pixel, metres. By default, footprints get pixels of 2.0 m, and a
-        GeoTIFF keeps its own pixel size. PNG and NPY files require the option ``metres_per_pixel``.
+    metres_per_pixel : length of a pixel's side, metres. By default, footprints get pixels of 2.0 m,
+        and a GeoTIFF keeps its own pixel size. PNG and NPY files require the option
+        ``metres_per_pixel``.
     center : centre of the window, ``(longitude, latitude)``. By default, the centre comes from the
         ``window`` member of a GeoJSON file. Without a ``window`` member, the centre is the middle
         of the buildings' bounds, or the middle of the raster.
@@ -118,7 +119,7 @@ def read_map(
     Returns
     -------
     CityMap : map whose pixels measure true metres on the ground. Footprints are projected to the
-        metric projection that the file names, or, without a name, to a transverse Mercator about
+        metric projection that the file names, by default to a transverse Mercator projection about
         the centre. A raster keeps its pixels if they are square, have the requested size, and
         measure true metres on the ground.
 
@@ -159,7 +160,7 @@ def data_of(source: str | os.PathLike, request: Request) -> tuple[Footprints | G
 
 def name_of(source: str | os.PathLike) -> str:
     """Find the default name of a map: the name in a GeoTIFF, or else the file's name without
-    suffix. Raises `MapError` in the cases in which `read_map` raises it."""
+    suffix. Raises `MapError` for the same reasons as `read_map`."""
     path, _ = _locate(source)
     suffix, reader = _reader_of(path)
     own = data_of(source, Request())[0].name if reader is _TIFF else None

@@ -40,12 +40,13 @@ class Footprints:
     tags : mappings from attribute names to values, one for each polygon. The rules for heights of
         buildings read the attributes of each polygon.
     crs : two-dimensional reference system of the coordinates. Polygons without a place on Earth
-        have an engineering system in metres.
+        have a local (engineering) reference system in metres.
     center : (longitude, latitude) of the centre of the window that the file names, or None. If
-        polygons have no place on Earth, the centre is (x, y) in the engineering system.
+        polygons have no place on Earth, the centre is (x, y) in metres in a local reference system.
     projection : metric reference system that the file names; None if the file names no such system.
-    side : side of the window that the file names, metres; None if the file names no side. The note
-        about the map repeats the field ``side``, but the request sets the size of the window.
+    side : side of the window that the file names, metres; None if the file names no side. The
+        request sets the size of the window; a note with the map reports ``side`` if the two sizes
+        differ.
     bare : whether the file names a window without any building.
     """
 
@@ -68,8 +69,8 @@ class Grid:
     heights : heights above ground, ``(H, W)``, metres; ground is 0.
     crs, transform : coordinate reference system and affine transform of the raster, as in rasterio.
         The field ``crs`` is None if the reference system is unknown.
-    metres_per_pixel : side of a pixel in metres, or None; a file without ``crs`` can give this
-        side.
+    metres_per_pixel : side of a pixel in metres, or None; a file without a reference system can
+        give this side.
     """
 
     heights: np.ndarray
@@ -89,7 +90,8 @@ class Reader:
     read : function ``(path, request) -> Footprints | Grid``.
     content : kind of content that the function reads; the function `content_of` gives the names of
         all kinds. If ``content`` is None, the reader accepts any content.
-    takes : names of the options that apply to this reader, out of ``layer`` and ``height_scale``.
+    takes : set of the names of options that the reader accepts; possible names are ``layer`` and
+        ``height_scale``.
     """
 
     read: Callable[[Path, Request], Footprints | Grid]

@@ -72,9 +72,9 @@ def write_map(
     of its building.
 
     A GeoPackage has one layer, ``buildings``, in the map's reference system. For a map without a
-    place on Earth, coordinates are metres from the map's south-west corner. For coordinates without
-    a place on Earth, GIS programs show an undefined Cartesian reference system. Coordinates in a
-    `.geojson` file are longitude and latitude (RFC 7946).
+    place on Earth, coordinates are metres from the map's south-west corner. If a map has no place
+    on Earth, GIS programs show an undefined Cartesian reference system for its file. Coordinates in
+    a `.geojson` file are longitude and latitude (RFC 7946).
 
     The option ``streets``, only for ``.gpkg``, adds the graph `CityMap.street_graph` to the file.
     The street graph becomes three layers: ``street_edges`` (with the nodes u and v, length, width
@@ -88,9 +88,10 @@ def write_map(
     Raises
     ------
     MapError : the suffix is unknown, the folder is missing, or the file cannot be written. The
-        options ``streets`` and ``walls`` raise MapError for a format other than ``.gpkg``. MapError
-        is raised, too, for GeoJSON of a map without a place on Earth, or of a map across the 180th
-        meridian. After an error, no partial file remains, and an existing file stays unchanged.
+        options ``streets`` and ``walls`` raise MapError for a format other than ``.gpkg``. A map
+        without a place on Earth, or across the 180th meridian, cannot be written as GeoJSON, and
+        raises MapError. After an error, no partial file remains, and an existing file stays
+        unchanged.
     """
     writers = WRITERS | RAW_WRITERS if raw else WRITERS
     if raw and walls is not None:
@@ -117,7 +118,7 @@ def write_field(field: Field, path: str | os.PathLike) -> None:
 
     A ``.tif`` file holds float32 values with title, unit, reference system and attribution. A
     ``.png`` file is a picture with a colour scale. A ``.npy`` file holds only the array. Raises
-    `MapError` in the cases in which `write_map` raises it.
+    `MapError` for the same reasons as `write_map`.
     """
     _write(field, path, FIELD_WRITERS)
 
@@ -127,20 +128,20 @@ def write_shares(shares: Shares, path: str | os.PathLike) -> None:
     suffix of ``path`` chooses the format.
 
     A ``.png`` file is a picture with one hue for each part. A ``.npy`` file holds only the array
-    ``(H, W, n)`` of the n parts. Raises `MapError` in the cases in which `write_map` raises it.
+    ``(H, W, n)`` of the shares of n parts. Raises `MapError` for the same reasons as `write_map`.
     """
     _write(shares, path, SHARES_WRITERS)
 
 
 def write_leaves(leaves: Leaves, path: str | os.PathLike) -> None:
     """Write a picture of a map with the borders of its range blocks, as ``.png``. Raises `MapError`
-    in the cases in which `write_map` raises it."""
+    for the same reasons as `write_map`."""
     _write(leaves, path, LEAVES_WRITERS)
 
 
 def write_faces(faces: Faces, path: str | os.PathLike) -> None:
     """Write a picture of a map with the faces between its streets, as ``.png``. Raises `MapError`
-    in the cases in which `write_map` raises it."""
+    for the same reasons as `write_map`."""
     _write(faces, path, FACES_WRITERS)
 
 
@@ -153,8 +154,8 @@ def write_windows(
 
     A ``.tif`` file is a tiled GeoTIFF with the contents that `write_map` gives; a very large map
     becomes a BigTIFF. A ``.npy`` file holds only the array. The function ``progress`` is called
-    with two numbers: the number of finished rows, and the number of all rows. Raises `MapError` in
-    the cases in which `write_map` raises it.
+    with two numbers: the number of finished rows, and the number of all rows. Raises `MapError` for
+    the same reasons as `write_map`.
     """
     writers = {
         suffix: functools.partial(write, progress=progress)

@@ -21,17 +21,17 @@ class AsymmetricFusion(Drafting):
     2005 §2.3). In the papers, the fusion of the first parent with blocks of the second parent is
     called 1mod2.
 
-    For each range block r1 of the first parent's decoded map, the operator chooses the block with
-    the most similar heights, r2, in the second parent's decoded map. If several blocks are equally
-    similar, the surroundings of these blocks decide (topological collage). In the child, range
-    block r1 of the first parent gets the lifs of block r2 from the second parent. In the papers,
-    the fusion of the second parent with blocks of the first parent is called 2mod1.
+    For each range block r1 of the first parent, the operator chooses r2, the range block of the
+    second parent with the most similar decoded heights. If several blocks are equally similar, the
+    surroundings of these blocks decide (topological collage). In the child, range block r1 of the
+    first parent gets the lifs of block r2 from the second parent. In the papers, the fusion of the
+    second parent with blocks of the first parent is called 2mod1.
 
-    In the papers, the domain block of a copied lifs stays at its old position. At the old position
-    of the domain block, the child has the first parent's plan instead of the second city, so the
-    papers' children crumble. With collage repair, the child shows the intended mosaic: the plan of
-    the first city, in range blocks of the second city. The papers' results are better with range
-    blocks of 8 px than of 4 px, because larger blocks show more of their own city.
+    In the papers, the domain block of a copied lifs stays at its old position. Every copied lifs
+    reads the first parent's plan instead of the second city, so the children in the papers crumble.
+    With collage repair, the child shows the intended mosaic: the plan of the first city, made of
+    range blocks from the second city. The results in the papers are better with range blocks of 8
+    px than with blocks of 4 px, because larger blocks show more of a city.
 
     Every lifs keeps the values ``parent`` and ``source`` that it has in the second parent. The
     child's list of cities includes the cities of the first parent, although no lifs comes from
@@ -41,10 +41,10 @@ class AsymmetricFusion(Drafting):
     ----------
     isometries : whether blocks are compared under all 8 isometries of the square. The operator
         combines the isometry that turns block r2 to block r1 with the isometry of the lifs.
-    alike : largest difference between contents that count as equally similar, metres, 0 or more.
-        The difference between two contents is the root mean square of the differences between their
-        heights. Decoded maps are precise to 0.01 m. The larger the value of ``alike`` is, the more
-        often surroundings decide.
+    alike : tolerance in metres, 0 or more; all blocks within this tolerance of the most similar
+        block count as equally similar. The difference between two blocks is the root mean square of
+        the differences between their heights. Decoded maps are precise to 0.01 m. With a larger
+        value of ``alike``, the surroundings of blocks decide more often.
     repair, reach, domains : parameters of collage repair, as in the operator `PavementFusion`. In
         the intended map, the decoded heights of each block r2 replace the heights of its partner
         r1.
@@ -88,7 +88,7 @@ class SymmetricFusion(Drafting):
         the blocks r12 and r21 as λ·r12 + (1 − λ)·r21, as in `Interpolation`.
     grain_side : size of the patches of neighbouring lifs with similar weights, metres; by default
         64 m.
-    grain : size of the patches, counted in range blocks of one side; 1 chooses single lifs.
+    grain : size of the patches, counted in range blocks of equal size; 1 chooses single lifs.
         Deprecated.
     isometries, alike : rules for pairing blocks, as in `AsymmetricFusion`.
     repair, reach, domains : parameters of collage repair, as in the operator `PavementFusion`. The

@@ -55,9 +55,9 @@ class Draft:
     intended : heights that the operator intends, float32 ``(H, W)``, metres.
     made : description of how the child was bred, without the operator's name, for the field
         ``made`` of the genome.
-    most : largest side of range blocks, px, up to which repair merges adjacent blocks that continue
-        each other. If ``most`` is None, blocks merge up to the largest side of the parents' range
-        blocks.
+    most : largest side, px, of the range blocks that repair makes by merging adjacent blocks that
+        continue each other. If ``most`` is None, blocks merge up to the largest side of the
+        parents' range blocks.
     """
 
     genome: Genome
@@ -77,8 +77,9 @@ class Drafting:
     Parameters
     ----------
     repair : largest accepted difference of a decoded block from the intended map, metres (root mean
-        square). Blocks whose difference exceeds ``repair`` get new lifs. If ``repair`` is None, the
-        child is not repaired, and its fabric crumbles as in the papers.
+        square). Range blocks that differ from the intended map by more than ``repair`` metres get
+        new lifs. If ``repair`` is None, the child is not repaired, and its fabric crumbles as in
+        the papers.
     reach, domains : limits of the search for new domain blocks, as in `evocity.encode`.
     """
 

@@ -200,7 +200,7 @@ class PartPerturbation(Forming):
     """Change the matrices that make the parts of a curve.
 
     In the child, each part of the curve ends where the next part begins. The child's curve begins
-    at the child's first control point and ends at its last control point.
+    at the first control point of the child and ends at the last control point.
 
     Parameters
     ----------
@@ -236,8 +236,8 @@ class PartPerturbation(Forming):
 class PointExchange(Forming):
     """Take each control point from the first or the second curve, at random.
 
-    All maps and details come from one of the two curves. Both curves must have the same number of
-    control points.
+    All maps and details of the child come from a single curve of the two. Both curves must have the
+    same number of control points.
 
     Parameters
     ----------
@@ -263,15 +263,14 @@ class PointExchange(Forming):
 
 @dataclass(frozen=True, kw_only=True)
 class CurveMetamorphosis(Forming):
-    """Make a curve between the first curve and the second curve, with an equal number of control
-    points.
+    """Make a curve between two curves that have equal numbers of control points.
 
     The control points and affine maps of the child are weighted means of the parents' control
     points and affine maps. Two parts of the curve that join in both parents also join in the child.
-    If one curve has fewer maps, maps that shrink the whole curve to its end point replace the
-    missing maps; ``made`` of the child lists the pairs of maps. Details of the child lie between
-    the details of the parents, if both parents have equal numbers of levels and of maps. If the
-    parents differ in the number of levels or of maps, the child has no details.
+    The curve with fewer maps gets additional maps that shrink the whole curve to its end point. The
+    child's ``made`` lists the pairs of maps. Details of the child lie between the details of the
+    parents, if both parents have equal numbers of levels and of maps. If the parents differ in the
+    number of levels or of maps, the child has no details.
 
     Parameters
     ----------
@@ -315,8 +314,8 @@ class DetailExchange(Forming):
 
     Parameters
     ----------
-    levels : number of the finest levels whose details the first curve gets, 1…64; if the curves
-        have fewer levels, all levels.
+    levels : number of the finest levels whose details replace those of the first curve, 1…64; if
+        the curves have fewer levels, all details are replaced.
     gain : factor that multiplies the size of the details from the second curve, 0…100.
     """
 

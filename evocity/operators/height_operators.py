@@ -26,9 +26,9 @@ class HeightScaling(Drafting):
     """Raise and lower buildings by whole storeys, so that the search can change the floor space.
 
     The operator draws buildings, or street blocks with all their buildings, and a factor for each
-    drawn building or block. The target of a building is its height times the factor that was drawn.
-    Each building changes by the whole number of storeys that brings its height nearest to the
-    target. In each drawn block, the highest building changes by at least one storey.
+    drawn building or block. The target height of a building is its old height times the drawn
+    factor. Each building changes by the whole number of storeys that brings its height nearest to
+    the target. In each drawn block, the highest building changes by at least one storey.
 
     Roofs keep their shape, and buildings keep their footprint. No building falls below one storey,
     and neighbours of different height never become one building. Built components under 24 m² keep
@@ -51,8 +51,8 @@ class HeightScaling(Drafting):
     share : share of the buildings, or of the street blocks, to draw, 0…1. The operator draws at
         least one building or block, unless the share is 0; ``made["scaled"]`` holds the number of
         changed buildings or blocks.
-    factors : smallest and largest factor, 0.1…10. Factors are drawn evenly by their logarithm. For
-        example, the factors (1, 1.6) only raise buildings.
+    factors : smallest and largest factor, 0.1…10. Factors are drawn evenly on a logarithmic scale.
+        For example, the factors (1, 1.6) only raise buildings.
     storey : height of a storey, metres. By default, a storey is 3 m high, as in the measure
         ``fsi``.
     highest : largest height to which buildings rise, metres. By default, ``highest`` is 50 m, the
@@ -110,12 +110,12 @@ class HeightScaling(Drafting):
 class HeightField(Drafting):
     """Raise and lower street blocks by whole storeys, according to a field of factors.
 
-    The field has ``side`` × ``side`` factors, interpolated smoothly by their logarithms. The factor
-    of a street block is the mean of the field over the block. The target of a building is its
-    height times the factor of its street block. Each building changes by the whole number of
-    storeys that brings its height nearest to the target. A building keeps its height if the target
-    differs by less than half a storey. If all factors of the field are 1, the child equals the
-    parent.
+    The field has ``side`` × ``side`` factors, whose logarithms are interpolated smoothly. The
+    factor of a street block is the mean of the field over the block. The target height of a
+    building is its old height times the factor of the building's street block. Each building
+    changes by the whole number of storeys that brings its height nearest to the target. A building
+    keeps its height if this height differs from the target by less than half a storey. If all
+    factors of the field are 1, the child equals the parent.
 
     Buildings keep their footprints and the shape of their roofs. Buildings that a condensation
     locks keep their heights, as in `HeightScaling`. If ``values`` are given, the operator draws
@@ -125,12 +125,13 @@ class HeightField(Drafting):
     ----------
     side : number of factors along each side of the field, 1…64.
     values : factors of the field, 0.1…10, row by row from the north-west, rounded to four digits.
-        If ``values`` is None, factors of 0.625…1.6 are drawn, evenly by their logarithm.
+        If ``values`` is None, the operator draws factors from 0.625 to 1.6, evenly on a logarithmic
+        scale.
     storey, highest : height of a storey, and largest height of a roof, as in `HeightScaling`.
     repair, reach, domains : parameters of collage repair, as in `Drafting`.
 
-    The child's ``made`` holds the ``values``, the number of ``scaled`` street blocks, and the
-    results of `HeightScaling` for buildings and floor space.
+    The child's ``made`` holds the entries ``values`` and ``scaled`` (the number of changed street
+    blocks), and the entries of `HeightScaling` for buildings and floor space.
 
     Source: evocity's own operator, which is not in the papers.
     """

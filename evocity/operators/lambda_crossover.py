@@ -24,22 +24,22 @@ GRAIN = 64.0
 
 @dataclass(frozen=True)
 class LambdaCrossover(Drafting):
-    """Cross two parents pseudo-convexly by ω_i = λ_i·ω1_i + (1 − λ_i)·ω2_i, with ω1_i and ω2_i the
-    parents' lifs (Marsault 2002 §3.5).
+    """Cross two parents pseudo-convexly: ω_i = λ_i·ω1_i + (1 − λ_i)·ω2_i mixes the parents' lifs
+    ω1_i and ω2_i (Marsault 2002 §3.5).
 
     The weights λ_i are drawn as a field over the map, so that neighbouring lifs stay together. If
     each λ_i is drawn separately (``grain`` = 1), the child crumbles into noise, as the papers say.
 
     Parameters
     ----------
-    share : share of the first parent in the child, 0…1, which is the mean of all λ_i. If ``share``
-        is 0 or 1, the child equals one of the parents.
+    share : mean of all λ_i, 0…1; this mean is the share of the first parent in the child. If
+        ``share`` is 0 or 1, the child equals one of the parents.
     blend : width of the seam in which λ_i changes from 0 to 1, as a share of all lifs, 0…1. A blend
         of 0 makes each λ_i either 0 or 1; a blend of 1 mixes both parents everywhere.
     grain_side : size of the patches of neighbouring lifs with similar weights, metres; by default
         64 m.
-    grain : size of the patches of lifs with similar weights, in range blocks, 1 or more, for
-        uniform pavements. Deprecated.
+    grain : size of the patches of lifs with similar weights, counted in range blocks of equal size,
+        1 or more. Deprecated.
     repair, reach, domains : parameters of collage repair, as in the operator `PavementFusion`. The
         intended map is the mixture λ·A1 + (1 − λ)·A2 of the parents' decoded maps A1 and A2.
     """
@@ -69,21 +69,21 @@ class LambdaCrossover(Drafting):
 
 @dataclass(frozen=True)
 class Interpolation(Drafting):
-    """Interpolate two codes pseudo-convexly, in a form that mixes lifs or in a stepwise form
+    """Interpolate two parents pseudo-convexly, either by mixing their lifs or in a stepwise form
     (Marsault 2002 §3.5, 2005 §2.2).
 
-    In the first form, each lifs mixes the parents' lifs ω1_i and ω2_i by a share λ_i: ω_i =
+    In the default form, each lifs ω_i mixes the parents' lifs ω1_i and ω2_i by a share λ_i: ω_i =
     λ_i·ω1_i + (1 − λ_i)·ω2_i, as in `LambdaCrossover`. The range blocks of the parents are split
     until both parents have the same blocks. Without repair, only large shapes survive, because a
     mixed lifs reads a domain block that lies between the domain blocks of the two parents.
 
-    The stepwise form approximates the attractor of λ·W1(I) + (1 − λ)·W2(I), which mixes the
-    decoding steps W1 and W2 of both parents by the share λ. The stepwise form mixes no lifs, so the
-    range blocks of the parents may have different sides, for example 6 px and 4 px. In the stepwise
-    form, the child has the range blocks of the first parent. The child keeps lifs of the first
-    parent that reproduce the stepwise attractor. Lifs that do not reproduce the stepwise attractor
-    keep their domain blocks and isometries, but get the best possible σ and β. Collage repair finds
-    new domain blocks for range blocks that still differ too much from the intended map.
+    The stepwise form approximates the attractor of λ·W1(I) + (1 − λ)·W2(I), where I is a map, and
+    W1 and W2 are the decoding steps of the parents. The stepwise form mixes no lifs, so the range
+    blocks of the parents may have different sides, for example 6 px and 4 px. In the stepwise form,
+    the child has the range blocks of the first parent. The child keeps lifs of the first parent
+    that reproduce the stepwise attractor. Lifs that do not reproduce the stepwise attractor keep
+    their domain blocks and isometries, but get the best possible σ and β. Collage repair finds new
+    domain blocks for range blocks that still differ too much from the intended map.
 
     The papers show a picture of the stepwise form, but give no code. In the stepwise form, all lifs
     of the child have the fields ``parent`` and ``source`` of the first parent.

@@ -34,18 +34,18 @@ class LambdaField(Drafting):
     Each parent but the first has a field of ``side`` × ``side`` values λ, interpolated smoothly.
     Each street block has a threshold for each parent but the first, and takes the fabric of the
     parent whose field reaches the threshold. If several fields reach their thresholds, the parent
-    whose field exceeds its threshold most fills the street block. Around each value of a field, the
-    thresholds of street blocks lie evenly between 0 and 1. For each of the other parents, the
-    street block that the parent's fabric fits best has the lowest threshold. The value λ of a field
-    is the share of street blocks that the field's parent fills. If all values of the fields are 0,
-    the child equals the first parent.
+    with the largest excess over its threshold fills the street block. The thresholds of the street
+    blocks near each value of a field are spread evenly between 0 and 1. For each parent but the
+    first, the lowest threshold belongs to the street block that the parent's fabric fits best. The
+    value λ of a field is the share of street blocks that the field's parent fills. If all values of
+    the fields are 0, the child equals the first parent.
 
-    A street block takes the other parent's fabric from the same place, if this fabric consists of
-    whole buildings and differs from the block's own fabric. If the fabric at the same place is not
-    suitable, a block takes the best fitting buildings from elsewhere in the other parent, as in
-    `QuarterFusion`. The child cuts no building and keeps the streets of the first parent. Parents
-    and values determine the child without random draws, so an optimiser can search the best field
-    (``evocity refine``).
+    A street block takes the fabric at the same place of the chosen parent. The fabric at this place
+    must consist of whole buildings, and must differ from the block's present fabric. If the fabric
+    at the same place is not suitable, a block takes the best fitting buildings from elsewhere in
+    the chosen parent, as in `QuarterFusion`. The child cuts no building and keeps the streets of
+    the first parent. Parents and values determine the child without random draws, so an optimiser
+    can search the best field (``evocity refine``).
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class LambdaField(Drafting):
 
     The child's ``made`` holds the ``values``, and the number of filled ``street_blocks``. The
     result ``filled_by`` counts, for each parent, the blocks that this parent fills. The result
-    ``in_place`` counts the blocks whose new fabric comes from the same place in the other parent.
+    ``in_place`` counts the blocks whose new fabric comes from the same place in another parent.
 
     Source: the λ_i of Marsault 2002 §3.5, for street blocks instead of lifs, because single lifs
     crumble.

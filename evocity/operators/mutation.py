@@ -31,12 +31,12 @@ class Mutation(Drafting):
         ground do not change.
     group_side : side of a square group of lifs, metres; by default 32 m. A lifs belongs to the
         group that contains the middle of its range block.
-    group : side of a square group of lifs, counted in range blocks of one side; 1 mutates single
+    group : side of a square group of lifs, counted in range blocks of equal size; 1 mutates single
         lifs. Deprecated.
-    sigma_step : standard deviation of the change of σ; the new σ is cut at ±sigma_max.
+    sigma_step : standard deviation of the change of σ; the new σ is limited to ±sigma_max.
     beta_step : standard deviation of the change of β, metres.
     move : largest change of a domain block's ``x`` or ``y``, px.
-    stretch : largest change of a domain block's extent, in sides of the range block.
+    stretch : largest change of a domain block's extent, as a multiple of the range block's side.
     repair, reach, domains : parameters of collage repair, as in the operator `PavementFusion`. The
         intended map is the parent's decoded map after one iteration of the mutated code, so range
         blocks without a mutation stay unchanged.

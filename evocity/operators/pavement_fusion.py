@@ -30,18 +30,19 @@ SMALLEST = 32.0
 class PavementFusion(Drafting):
     """Fuse two or more parents by square macro-blocks (Marsault 2002 §4.4, 2005 §2.3).
 
-    The parent with the largest share fills the whole map at first. Each parent with a smaller share
-    injects macro-blocks in turn, until the parent reaches its share. After a turn of all parents,
-    macro-blocks become one cell smaller, down to ``side_min``, and the margin shrinks by a fifth. A
-    macro-block is admissible if it fits the child's map after all earlier injections. A macro-block
-    may differ along its outline from the child's map by at most ``tolerance`` metres on average.
+    The parent with the largest share fills the whole map at first. All parents except the parent
+    with the largest share inject macro-blocks in turn, each until it reaches its share. After each
+    round of all parents, macro-blocks become one cell smaller, down to ``side_min``, and the margin
+    shrinks by a fifth. A macro-block is admissible if it fits the child's map after all earlier
+    injections. A macro-block may differ along its outline from the child's map by at most
+    ``tolerance`` metres on average.
 
     Parameters
     ----------
     side_min, side_max : smallest and largest side of macro-blocks, metres; by default 32 m and 128
         m.
-    size_min, size_max : smallest and largest side of macro-blocks, counted in range blocks, 1 or
-        more, for range blocks of one side. Deprecated.
+    size_min, size_max : smallest and largest side of macro-blocks, counted in range blocks of equal
+        size, 1 or more. Deprecated.
     fill : share of the second of two parents, 0…1, or a list of shares that add up to 1. A list in
         `fill` has a share for each parent, and a last share for bare ground if ``void`` is true. If
         ``fill`` is None, all parents have equal shares. If few macro-blocks are admissible, a
@@ -49,9 +50,9 @@ class PavementFusion(Drafting):
     margin : largest error of a parent's share, 0…1.
     tolerance : largest mean difference along an outline, metres, called S in the papers.
     void : whether bare ground counts as an additional, last parent.
-    places : candidate corners of macro-blocks, (down, along) in metres from the north-west corner,
-        which the operator tries in this order at every size. If ``places`` is None, the operator
-        draws the corners of macro-blocks at random.
+    places : candidate corners of macro-blocks, each a pair (down, along) in metres from the map's
+        north-west corner. The operator tries the corners in this order at every size. If ``places``
+        is None, the operator draws the corners of macro-blocks at random.
     positions : candidate corners of macro-blocks, counted in range blocks (row, column).
         Deprecated.
     repair, reach, domains : parameters of collage repair, as in `Drafting`. The intended map joins
@@ -171,12 +172,13 @@ class DirectFusion(Drafting):
     """Draw each lifs from one of two or more parents, independently of its neighbours (Marsault
     2002 §4.2).
 
-    If range blocks have different sides, one draw chooses the parent of all lifs in a cell of 16 m.
+    If range blocks have different sides, a single draw chooses the parent of all lifs in a cell of
+    16 × 16 m.
 
     Each draw ignores the heights and the surroundings of the lifs, so the city fabric of the child
     crumbles. If ``repair`` is None, this operator is the baseline of the papers, with "very bad
-    results". Collage repair restores every block as it was in its parent, but cannot connect blocks
-    into whole buildings.
+    results". Collage repair restores the heights that every block has in a parent, but cannot
+    connect blocks into whole buildings.
 
     Parameters
     ----------

@@ -20,26 +20,28 @@ _MOST_CHANGES, _TRIES = 12, 6
 
 @dataclass(frozen=True)
 class PlanChange(PlanDrafting):
-    """Change streets in the first parent's plan, and lay buildings in the changed faces.
+    """Change streets in the first parent's plan, and place buildings in the changed faces.
 
-    A change is one of three kinds, which the operator draws from ``kinds``. An ``"alley"`` of 4 to
-    6 m cuts a large face from street to street. A ``"closing"`` closes a street between two faces,
-    at most 12 m wide. A ``"width"`` moves the outline of a lot by 2 to 4 m, on all sides or along
-    one street. Streets stay connected, and no street ends in a face.
+    The operator draws the kind of each change from ``kinds``. The kind ``"alley"`` cuts a large
+    face by an alley, 4 to 6 m wide, from street to street. The kind ``"closing"`` closes a street
+    between two faces, at most 12 m wide. The kind ``"width"`` moves the outline of a lot (ground
+    for buildings) by 2 to 4 m, on all sides or along one street. Streets stay connected, and no
+    street ends in a face.
 
-    A changed face keeps its buildings where they fit the new outline; the outline cuts them, and
-    nothing else does. Other faces get buildings of source cities, as in plan fusion. If nothing
-    fits a changed face, the operator takes the change back and draws another one. Faces with locked
-    buildings do not change. The child inherits the changed plan: ``made["plan"]`` lists the
-    changes.
+    A changed face keeps its buildings if they fit the new outline, which may cut the buildings. A
+    changed face whose buildings do not fit gets buildings of source cities, as in `PlanFusion`. If
+    no buildings fit a changed face, the operator undoes the change and draws another change. Faces
+    with buildings that a condensation locks do not change. The child inherits the changed plan:
+    ``made["plan"]`` lists the changes.
 
-    In a search, the other parents are the source cities of the run.
+    In a search, the parents after the first are the source cities of the run.
 
     Parameters
     ----------
-    kinds : kinds of changes to draw from, of ``"alley"``, ``"closing"`` and ``"width"``.
+    kinds : kinds of changes that the operator may draw: any of ``"alley"``, ``"closing"`` and
+        ``"width"``.
     changes : number of changes, 1…12.
-    draws, slack, loss, repeats : as in plan fusion.
+    draws, slack, loss, repeats : rules for filling faces, as in `PlanFusion`.
     repair, reach, domains : parameters of collage repair, as in `Drafting`.
 
     Source: this operator comes from evocity.

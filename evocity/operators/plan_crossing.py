@@ -14,26 +14,26 @@ from evocity.operators.plans.planned_child import PlannedChild
 
 @dataclass(frozen=True)
 class PlanCrossing(PlanDrafting):
-    """Exchange faces between two parents that have one plan.
+    """Exchange faces between two parents that have the same plan of streets.
 
-    The child has the faces of the first parent, and some faces of the second parent in their
-    places, with lifs and genes. Only faces that differ count. A coin decides on each face, or the
-    faces form a neighbourhood around a drawn face. A face of the second parent does not come if its
-    place in a source city stands elsewhere on the child already. Two equal parents have an equal
-    child.
+    In the child, some faces of the second parent, with their lifs and genes, replace faces of the
+    first parent. Only faces that differ between the parents count. The operator draws each face
+    separately, or the drawn faces form a neighbourhood around a first face. A face of the second
+    parent is not exchanged if the child already shows the same place of a source city elsewhere.
+    The child of two equal parents equals its parents.
 
-    Parents with different plans cannot exchange faces. Then the operator fills faces as plan fusion
-    does, and draws donors by their shares of the second parent.
+    Parents with different plans cannot exchange faces. If the plans differ, the operator fills
+    faces as in `PlanFusion`, and draws donors according to their shares of the second parent's map.
 
     Parameters
     ----------
-    share : share of the faces that come from the second parent, 0…1: the chance of each coin, and
-        the size of a neighbourhood.
-    neighbourhood : chance that the faces form a neighbourhood, 0…1.
-    faces : number of faces to fill if the plans differ, 1 or more; None for all that something
-        fits. The genome's ``made["faces"]`` holds the number of faces that changed.
-    area_min, halved_min, draws, slack, loss, repeats : rules for filling faces, as in
-        `PlanFusion`. The rule ``repeats`` holds for exchanged faces, too.
+    share : share of the faces that come from the second parent, 0…1; it sets the chance of each
+        face and the size of a neighbourhood.
+    neighbourhood : chance that the exchanged faces form a neighbourhood, 0…1.
+    faces : number of faces to fill if the plans differ, 1 or more; None fills every face for which
+        something fits. The genome's ``made["faces"]`` holds the number of faces that changed.
+    area_min, halved_min, draws, slack, loss, repeats : rules for filling faces, as in `PlanFusion`.
+        The rule ``repeats`` applies both to filled faces and to exchanged faces.
     repair, reach, domains : parameters of collage repair, as in `Drafting`.
 
     Source: this operator comes from evocity.

@@ -11,18 +11,19 @@ from evocity.operators.plans.planned_child import PlannedChild
 
 @dataclass(frozen=True)
 class PlanReturn(PlanDrafting):
-    """Give faces of the first parent's plan their own buildings back.
+    """Restore the original buildings in some faces of the first parent's plan.
 
-    The buildings are those of the source city whose plan it is, in their places. The operator draws
-    faces with other buildings, or with edited ones. A face keeps its buildings if the places of its
-    own buildings stand elsewhere on the map. A parent without an inherited plan does not change.
+    The restored buildings are those of the source city that the plan comes from, at their original
+    places. The operator draws faces whose buildings come from elsewhere or have been edited. A face
+    keeps its present buildings if its original buildings already stand elsewhere on the map. A
+    parent without an inherited plan does not change.
 
     Parameters
     ----------
-    faces : number of faces, 1 or more; None for all. The genome's ``made["faces"]`` holds the
-        number of faces that changed.
-    repeats : largest share of the built ground in a face whose place in the source city stands
-        elsewhere on the map, 0…1.
+    faces : number of faces to restore, 1 or more; None restores all of them. The genome's
+        ``made["faces"]`` holds the number of faces that changed.
+    repeats : largest share, 0…1, of the original built ground of a face that may already stand
+        elsewhere on the map.
     repair, reach, domains : parameters of collage repair, as in `Drafting`.
 
     Source: this operator comes from evocity.

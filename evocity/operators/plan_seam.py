@@ -25,27 +25,30 @@ from evocity.operators.plans.planned_child import PlannedChild
 class PlanSeam(PlanDrafting):
     """Join the plans of two parents along a street of the first parent.
 
-    The seam is a street from frame to frame, at most 1.5 times as long as the distance of its ends.
-    Beyond the seam, on 25 to 50 % of the ground, the child has the faces of the second parent at
-    the same place, with their buildings. The seam street cuts these faces, and their lots keep
-    off it. Small and narrow rests join a neighbour. Streets of the second parent end at the seam
-    street, so no street is a dead end. If the second parent has the same plan as the first, or none
-    that it inherits, the second plan is that of another source city.
+    The seam is a street from one edge of the map to another, at most 1.5 times as long as the
+    distance between its ends. Beyond the seam, on 25 to 50 % of the ground, the child has the faces
+    and the buildings that the second parent has there. The seam street cuts faces of the second
+    parent, and the lots of these faces stay clear of the street. Small or narrow remainders of
+    faces merge with a neighbouring face. Streets of the second parent end at the seam street, so no
+    street is a dead end. If the second parent has the first parent's plan, or no inherited plan,
+    the operator uses the plan of another source city.
 
-    No place of a source city stands on both sides of the seam: a face with such buildings gets
-    others that fit, or else the own buildings of its plan. If places still stand twice, the child
-    stays like the first parent.
+    No place of a source city may stand on both sides of the seam. A face that would repeat a place
+    from the other side gets different buildings that fit, or else the original buildings of its
+    plan. If a place of a source city still stands on both sides, the child equals the first parent.
 
-    A face with buildings that other operators have edited gets the buildings of its own city beyond
-    the seam. The child stays like the first parent in two cases: no street is a seam, or something
-    is locked beyond the seam. The child inherits the joined plan: ``made["plan"]`` lists the seam.
+    Beyond the seam, a face whose buildings have been edited by other operators gets the original
+    buildings of its source city. The child equals the first parent in two cases: no street can be
+    the seam; a condensation locks something beyond the seam. The child inherits the joined plan:
+    ``made["plan"]`` lists the seam.
 
-    In a search, the source cities of the run are further parents.
+    In a search, the source cities of the run are additional parents.
 
     Parameters
     ----------
-    halved_min, draws, slack, loss, repeats : as in plan fusion, for faces whose own buildings do
-        not fit, or stand on the other side, too.
+    halved_min, draws, slack, loss, repeats : rules for filling faces, as in `PlanFusion`. The
+        operator fills faces whose original buildings do not fit, or stand on the other side of the
+        seam.
     repair, reach, domains : parameters of collage repair, as in `Drafting`.
 
     Source: this operator comes from evocity.

@@ -13,19 +13,20 @@ from evocity.operators.plans.planned_child import PlannedChild
 
 @dataclass(frozen=True)
 class PlanSpread(PlanDrafting):
-    """Let faces take the buildings that continue those of a neighbouring face, so that a quarter
-    looks like one.
+    """Fill faces with buildings that continue the buildings of a neighbouring face, so that a
+    quarter looks uniform.
 
-    The operator draws pairs of neighbours. The first face of a pair has buildings of a source city.
-    The second face takes the same angle, mirror and scale, and the place in the source city that
-    continues the place of the first face. If these buildings do not fit, the operator tries other
-    places of the same source city, with the same angle, mirror and scale. A face keeps its
-    buildings if nothing fits, as in `PlanFusion`.
+    The operator draws pairs of neighbouring faces. The first face of a pair has buildings of a
+    source city. The second face of a pair gets the angle, mirror and scale of the first face. In
+    the source city, the place of the second face continues the place of the first face. If this
+    place does not fit the second face, the operator tries other places of the source city, with the
+    same angle, mirror and scale. If no place fits a face, the face keeps its buildings, as in
+    `PlanFusion`.
 
     Parameters
     ----------
-    faces : number of faces to fill, 1 or more; None for all that something fits. The genome's
-        ``made["faces"]`` holds the number of faces that changed.
+    faces : number of faces to fill, 1 or more; None fills every face for which something fits. The
+        genome's ``made["faces"]`` holds the number of faces that changed.
     area_min, draws, slack, loss, repeats : rules for filling faces, as in `PlanFusion`.
     repair, reach, domains : parameters of collage repair, as in `Drafting`.
 

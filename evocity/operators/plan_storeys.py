@@ -25,19 +25,21 @@ _STEP, _LOWEST = 1.0, 3.0
 
 @dataclass(frozen=True)
 class PlanStoreys(PlanDrafting):
-    """Bring the buildings of faces to heights that the buildings around them have, so that no tower
+    """Adapt the heights of buildings in some faces to the buildings around them, so that no tower
     stands among houses.
 
-    The operator compares each building of a face with the nearest buildings in other faces. A
-    building that is higher than their 95th percentile falls to it, and a building that is lower
-    than their 5th percentile rises to it. In a face with a gene, all buildings have one range,
-    which the gene records as ``lowest`` and ``highest``. A face with its own buildings counts as
-    edited. Footprints and shapes of roofs do not change.
+    The operator compares each building of a face with the nearest buildings in other faces.
+    Buildings above the 95th percentile of the nearest buildings' heights are lowered to this
+    percentile. Buildings below the 5th percentile of these heights are raised to this percentile.
+    In a face with a gene, all buildings have a common range of heights, which the gene records as
+    ``lowest`` and ``highest``. A changed face without a gene counts as edited. Footprints and
+    shapes of roofs do not change.
 
     Parameters
     ----------
-    faces : number of faces to change, 1 or more; None for all. The genome's ``made["faces"]`` holds
-        the number of faces that changed, and ``made["buildings"]`` the number of buildings.
+    faces : number of faces to change, 1 or more; None changes all faces. The genome's
+        ``made["faces"]`` holds the number of faces that changed, and ``made["buildings"]`` the
+        number of buildings.
     near : number of the nearest buildings with which the operator compares a building, 1 or more.
     repair, reach, domains : parameters of collage repair, as in `Drafting`.
 

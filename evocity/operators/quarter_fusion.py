@@ -42,10 +42,11 @@ class QuarterFusion(Drafting):
 
     Street blocks are drawn at random, one after another. Each street block takes buildings of
     another parent from the place where these buildings fit best, among all places and all 8
-    isometries. A place fits well if much is built inside the block and little along its outline,
-    and if façades replace façades (`street_blocks.best_place`). If a built component of the donor
-    lies partly outside the block, the component is left out whole, so the child cuts no building.
-    Bare ground replaces the buildings that are left out. A lifs and its domain block move together.
+    isometries. A place fits well if it has much built ground inside the block, little along the
+    block's outline, and façades where the block has façades (`street_blocks.best_place`). If a
+    built component of the donor lies partly outside the block, the whole component is left out, so
+    the child cuts no building. Bare ground replaces the buildings that are left out. A lifs and its
+    domain block move together.
 
     A street block keeps its buildings in three cases: too little would be built; the block is
     larger than the donor's map; a condensation locks something in the block.
@@ -53,9 +54,9 @@ class QuarterFusion(Drafting):
     Parameters
     ----------
     fill : share of the map that the second parent fills, 0…1, or a list with the share of each
-        parent. The shares add up to 1; with ``void``, the list ends with the share of bare ground.
-        If ``fill`` is None, all parents have equal shares; ``made["fill_reached"]`` holds the
-        resulting shares.
+        parent. The shares in a list add up to 1; with ``void``, the list ends with the share of
+        bare ground. If ``fill`` is None, all parents have equal shares; ``made["fill_reached"]``
+        holds the resulting shares.
     street_blocks : number of street blocks to fill, whatever their area; ``fill`` then gives the
         share of each parent in this number. If ``street_blocks`` is None, the operator fills as
         many blocks as ``fill`` demands.
@@ -67,13 +68,13 @@ class QuarterFusion(Drafting):
         the block would cut, and takes the best of these places. If ``spread`` is 0, the operator
         takes the best place. The score of a place is counted as a share of the block's area.
     density : smallest area of the new buildings, as a share of the old buildings' area, 0 or more.
-    facades : weight of façades that replace old façades in the score of a place, 0…10, as a share
-        of the block's area.
+    facades : weight of façades in the score of a place, 0…10; only façades that replace old façades
+        count, as a share of the block's area.
     repeats : discount on the score of a place for each built cell that the map already shows
         elsewhere, 0…1. Without the discount ``repeats``, fabric that fits everywhere would fill the
         whole map after some generations.
-    widened : width that a filled block gives to the streets around it, metres, rounded up to whole
-        cells. A cell is a square as large as the smallest range block.
+    widened : width by which a filled block widens the streets around it, metres, rounded up to
+        whole cells. A cell is a square as large as the smallest range block.
     repair, reach, domains : parameters of collage repair, as in `Drafting`.
 
     Source: evocity's own operator. Marsault 2002 §6.1 wishes for operators that keep the identity
@@ -141,12 +142,11 @@ def _fill_by_number(filling: Filling, drawn, shares, count: int, rng: np.random.
 
 @dataclass(frozen=True)
 class QuarterRefill(Drafting):
-    """Fill a few street blocks of the first parent again, with buildings from anywhere in one of
-    the parents.
+    """Refill a few street blocks of the first parent with buildings from any place of any parent.
 
-    Each drawn street block gets the best fitting buildings of one parent, drawn at random.
-    Buildings from the first parent come from another place on its map. In a search, the source
-    cities are among the parents. The operator is a mutation that fills street blocks as
+    Each drawn street block gets the best fitting buildings of a parent that the operator draws at
+    random. Buildings from the first parent come from another place on its map. In a search, the
+    source cities are among the parents. The operator is a mutation that fills street blocks as
     `QuarterFusion` does.
 
     Parameters

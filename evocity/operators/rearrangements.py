@@ -55,16 +55,16 @@ class GeneCopy(_GeneMoves):
     change: a copied lifs reads the domain block that the original lifs reads.
 
     A group to copy, called a model, is admissible if it fits the surroundings of the copy. Along
-    its outline, a model differs by at most ``tolerance`` metres on average from the fabric that the
-    copy replaces. Inside its outline, a model differs from the fabric that the copy replaces by
-    more than ``change`` metres.
+    the outline, a model and the fabric that its copy replaces differ by at most ``tolerance``
+    metres on average. Inside the outline, a model and the fabric that its copy replaces differ by
+    more than ``change`` metres on average.
 
     Parameters
     ----------
-    rate : share of the groups of lifs that a copy replaces, 0…1. A group of lifs without an
-        admissible model does not change; ``made["copied"]`` holds the number of copies.
+    rate : share of all groups of lifs that copies replace, 0…1. A group of lifs stays unchanged if
+        no admissible model can replace the group; ``made["copied"]`` holds the number of copies.
     group_side : side of a square group of lifs, metres; by default 32 m.
-    group : side of a square group of lifs, counted in range blocks of one side; 1 copies single
+    group : side of a square group of lifs, counted in range blocks of equal size; 1 copies single
         lifs. Deprecated.
     tolerance : largest mean difference along the outline, metres; None allows any difference.
     change : lower limit of the mean difference between a copy and the fabric that the copy
@@ -105,8 +105,8 @@ class GeneExchange(_GeneMoves):
         partner stays at its place; ``made["exchanged"]`` holds the number of groups that changed
         places.
     group_side : side of a square group of lifs, metres; by default 32 m.
-    group : side of a square group of lifs, counted in range blocks of one side; 1 exchanges single
-        lifs. Deprecated.
+    group : side of a square group of lifs, counted in range blocks of equal size; 1 exchanges
+        single lifs. Deprecated.
     tolerance, change, choice : rules for the choice of partners; `GeneCopy` explains these three
         parameters.
     repair, reach, domains : parameters of collage repair, as in the operator `PavementFusion`. The
@@ -142,8 +142,8 @@ class BlockExchange(Drafting):
     ----------
     side_min, side_max : smallest and largest side of macro-blocks, metres; sides are drawn evenly
         between these limits. By default, macro-blocks have sides from 16 m to 64 m.
-    size_min, size_max : smallest and largest side of macro-blocks, counted in range blocks, 1 or
-        more, for range blocks of one side. Deprecated.
+    size_min, size_max : smallest and largest side of macro-blocks, counted in range blocks of equal
+        size, 1 or more. Deprecated.
     count : number of exchanges, 1…1000. If a macro-block has no admissible partner, the operator
         draws another macro-block, at most 63 times; ``made["exchanged"]`` holds the number of
         exchanges.
@@ -179,23 +179,23 @@ class BlockExchange(Drafting):
 class Relocation(Drafting):
     """Move or copy groups of lifs to new places (Marsault 2005 §4.2).
 
-    A place is admissible if it does not overlap the group's own place, and if the group fits its
-    new surroundings, as in `GeneCopy`. Domain blocks wholly inside the group move and turn with the
-    group; all other domain blocks stay.
+    A place is admissible if it does not overlap the group's old place, and if the group fits the
+    surroundings of the new place, as in `GeneCopy`. Domain blocks wholly inside the group move and
+    turn with the group; all other domain blocks stay.
 
     Parameters
     ----------
     mode : kind of relocation: "move" or "copy". With "move", the operator exchanges two places, so
-        the replaced fabric goes to the group's old place. Domain blocks inside either of the two
+        the replaced fabric goes to the group's old place. Domain blocks inside the two exchanged
         places move, even if lifs outside these places read them. With "copy", the group stays at
         its old place, and the replaced fabric is lost.
-    shape : shape of the groups: "square" or "buildings". Squares are macro-blocks. With
+    shape : shape of the groups: "square" or "buildings". Square groups are macro-blocks. With
         "buildings", each macro-block is extended over every building that it would cut, and over
         the courts that these buildings enclose, up to the area ``side_max``².
     side_min, side_max : smallest and largest side of macro-blocks, metres; sides are drawn evenly
         between these limits. By default, macro-blocks have sides from 32 m to 128 m.
-    size_min, size_max : smallest and largest side of macro-blocks, counted in range blocks, 1 or
-        more, for range blocks of one side. Deprecated.
+    size_min, size_max : smallest and largest side of macro-blocks, counted in range blocks of equal
+        size, 1 or more. Deprecated.
     count : number of groups to relocate, 1…1000. If a group has no admissible place, the operator
         draws another group, at most 63 times; ``made["relocated"]`` holds the number of relocated
         groups.
@@ -203,8 +203,8 @@ class Relocation(Drafting):
         "move", the limit ``tolerance`` holds at both places that the operator exchanges.
     change, choice : rules for the choice of new places; `GeneCopy` explains these two parameters.
     isometries : whether the operator turns and mirrors each group by one of the 8 isometries. The
-        operator chooses the isometry at random for each place. With "move", the replaced fabric is
-        turned in the opposite direction.
+        operator draws a random isometry for each new place. With "move", the inverse of the
+        isometry turns the replaced fabric.
     repair, reach, domains : parameters of collage repair, as in the operator `PavementFusion`. The
         intended map is the parent's decoded map with the groups at their new places.
     """

@@ -58,12 +58,12 @@ class RegionFusion(PavementFusion):
     area_max : largest area of a region, m²; larger regions are refused. By default, a region has at
         most 25 600 m².
     limit, size_min, size_max, positions : limits of regions and macro-blocks, counted in range
-        blocks of one side. Deprecated.
+        blocks of equal size. Deprecated.
     tries : number of macro-blocks that the operator tries at each size in each round; None for all.
-    isometries : whether the operator turns and mirrors donors. At each size, the operator draws one
-        of the 8 isometries, which turns the donor's whole map with its domain blocks. On maps that
-        are not square, the operator draws one of the 4 isometries that keep rows. The operator
-        never turns the parent that fills the map.
+    isometries : whether the operator turns and mirrors donors. At each size, one of the 8
+        isometries, drawn at random, turns the donor's whole map with its domain blocks. On maps
+        that are not square, the operator draws one of the 4 isometries that keep rows horizontal.
+        The operator never turns the parent that fills the map.
     repair, reach, domains : parameters of collage repair, as in the operator `PavementFusion`.
     """
 

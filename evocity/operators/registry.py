@@ -44,9 +44,9 @@ from evocity.plugins import load_plugins, origin_of
 class Operator(Protocol):
     """Protocol of operators: a number of parents, and a call that breeds a child.
 
-    The attribute ``parents`` holds the fewest and the most parents, with None for any number. The
-    call never changes a parent, and takes random numbers only from the generator ``rng``. A call of
-    the operator sets the fields ``parent`` and ``source`` of every lifs.
+    The attribute ``parents`` holds the smallest and the largest number of parents; None means no
+    limit. The call never changes a parent, and takes random numbers only from the generator
+    ``rng``. A call of the operator sets the fields ``parent`` and ``source`` of every lifs.
 
     An operator whose parameters do not suit every number of parents has a method
     ``check_count(count)``. The method ``check_count`` raises `OperatorError` for a number of

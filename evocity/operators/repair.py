@@ -42,12 +42,12 @@ def collage_repair(
     rounds: int = 3,
     clear: bool = False,
 ) -> tuple[Genome, int]:
-    """Find new domain blocks for blocks of ``genome`` that, decoded without flat roofs, differ from
-    ``intended``.
+    """Find new domain blocks for range blocks of ``genome`` whose decoded heights, without
+    flattened roofs, differ from ``intended``.
 
     If range blocks have different sides, blocks that differ from the intended map are split into
-    parts of 4 px, and each part gets a new domain block. If no domain block matches a part within
-    the threshold, the part is split again, down to the genome's smallest side.
+    parts of 4 px, and each part gets a new domain block. If no domain block matches a part of a
+    block within the threshold, the part is split again, down to the genome's smallest side.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def collage_repair(
     reach, domains : limits of the search for new domain blocks, as in `evocity.encode`.
     rounds : largest number of repairs. Several repairs may be necessary, because a repaired block
         can disturb blocks that read the repaired block.
-    clear : whether to lower, at the end, range blocks in which open ground would become built.
+    clear : whether a last step lowers range blocks in which open ground would become built.
 
     Returns
     -------

@@ -12,16 +12,15 @@ from evocity.pavement._kernels import cut_squares, spread, sum_squares, tile
 class Pavement:
     """Range blocks of a map: squares that tile the map without gaps and without overlap.
 
-    In Jacquin's uniform partition, all range blocks have one side, B. In an adaptive partition,
+    In Jacquin's uniform partition, all range blocks have the same side B. In an adaptive partition,
     which Marsault proposes (2002 §6.1, 2005 §4.1-4.2), the range blocks are the leaves of a
     quadtree. Range blocks are numbered row by row, in the order of their corners (top, left). The
-    sides of all range blocks, in the order of their numbers, determine the places of the blocks.
+    list of sides, in the order of the block numbers, determines the places of all range blocks.
 
     Parameters
     ----------
     height, width : height and width of the map, px.
-    block : common side of all range blocks, or a list of the side of each range block; px, 2 or
-        more.
+    block : side of all range blocks, or a list with one side for each range block; px, 2 or more.
 
     Attributes
     ----------
@@ -30,12 +29,12 @@ class Pavement:
     side : side of each range block, px, int32 ``(n,)``.
     block : common side of all range blocks, px. If range blocks have different sides, reading
         ``block`` raises `GenomeError`.
-    rows, columns : number of range blocks in a column, from north to south, and in a row, from west
-        to east. If range blocks have different sides, reading ``rows`` or ``columns`` raises
-        `GenomeError`.
+    rows, columns : number of rows, and number of columns, that the range blocks form. If range
+        blocks have different sides, reading ``rows`` or ``columns`` raises `GenomeError`.
     finest, coarsest : side of the smallest and of the largest range block, px.
-    index : number of the range block that each pixel belongs to, int32 ``(H, W)``.
-    levels : mapping from each side to the numbers of the range blocks with this side, ascending.
+    index : array of int32 ``(H, W)`` with the number of the range block at each pixel.
+    levels : mapping from each side, in ascending order, to the numbers of the range blocks with
+        this side.
 
     All arrays of a pavement are read-only. Two pavements (tilings by range blocks) are equal if
     their range blocks have equal places and sides.
@@ -202,8 +201,8 @@ class Pavement:
 
     def raster(self, values: np.ndarray) -> np.ndarray:
         """Spread ``(n,)`` values, one for each range block, over a ``(H, W)`` raster. If all range
-        blocks have the side B, the method also accepts one value for each pixel of each block,
-        ``(n, B, B)``."""
+        blocks have the side B, the method accepts an array ``(n, B, B)``, too, with a value for
+        each pixel of each block."""
         if not self.uniform and values.ndim == 1:
             raster = np.empty((self.height, self.width), values.dtype)
             spread(values, self.index.ravel(), raster.ravel())

@@ -75,7 +75,7 @@ class Faces:
 
     city : the map on which the faces are drawn; its name and attribution go into every picture.
     labels : int32 ``(H, W)``, the face of each pixel, 1…n; 0 on the axes of streets.
-    lots : int32 ``(H, W)``, the face of each pixel on which buildings may stand (a lot); 0
+    lots : int32 ``(H, W)``, the face of each pixel in a lot (ground where buildings may stand); 0
         elsewhere.
     centres : float64 ``(n, 2)``, row and column of the middle of each face, px.
     angles : float64 ``(n,)``, direction of the walls in each face, radians from east towards south;

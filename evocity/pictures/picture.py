@@ -163,7 +163,7 @@ def render_shares(shares: Shares, *, legend: bool = True, zoom: int = 1) -> Imag
 
 def render_change(change: Change, *, zoom: int = 1) -> Image.Image:
     """Draw the difference of two cities: red where the second city is higher, and blue where it is
-    lower. The title, scale bar and attribution look as in the function `render`."""
+    lower. The title, scale bar and attribution look like those of the function `render`."""
     city = change.second.replace(change.second.heights, attribution=change.attribution)
     colours = change_colours(change.metres, change.end).repeat(zoom, axis=0).repeat(zoom, axis=1)
     end = change.end

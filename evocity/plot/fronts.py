@@ -29,9 +29,9 @@ def front(
     thumbnails: int = 6,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw births as points in a plot of two measures. Four kinds of points mark four groups: the
-    front of a generation; its remaining individuals; the first population; all births outside these
-    groups. Crosses mark births that break a constraint. Maps beside the plot show births of the
+    """Draw births as points in a plot of two measures. Four kinds of points mark the front of a
+    generation, the remaining individuals of the generation, the first population, and all other
+    births. Crosses mark births that break a constraint. Maps beside the plot show births of the
     front whose values of the two measures differ strongly. Each map shows the id of its birth, and
     a line connects the map with its point.
 

@@ -174,10 +174,10 @@ def _archive_volumes(births: Births) -> tuple[np.ndarray, np.ndarray]:
 
 def diversity(run: Run, ax: Axes | None = None) -> Axes:
     """Draw the diversity of the living individuals over the generations. The first curve is the
-    share of the map on which the heights of two individuals differ by more than a storey. The value
-    of the first curve is the mean of this share over all pairs of individuals. The second curve is
-    the share of the map whose fabric lies at the same place as in the source city. For a long run,
-    the plot shows only some generations, evenly spaced."""
+    share of the map on which the heights of two individuals differ by more than a storey. The first
+    curve is a mean over all pairs of living individuals. The second curve is the share of the map
+    whose fabric lies at the same place as in the source city. For a long run, the plot shows only
+    some generations, evenly spaced."""
     births = births_of(run)
     ax = style.panel(ax)
     at, apart = diversity_of(births, Likeness(births), "looks", _COMPUTED)

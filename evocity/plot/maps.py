@@ -35,8 +35,8 @@ _COUNTS = {
 
 
 def lifs(genome: Genome | Individual, what: str = "sigma", ax: Axes | None = None) -> Axes:
-    """Draw a map of one parameter of the lifs of a genome. The colour of each range block shows the
-    value of its lifs.
+    """Draw a map of a parameter of a genome's lifs. The colour of each range block shows the value
+    of its lifs.
 
     genome : a `Genome`, or an individual of a run.
     what : name of the parameter to draw. The parameter "sigma" is drawn in blue below 0 and in red

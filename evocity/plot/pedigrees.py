@@ -43,9 +43,9 @@ def pedigree(
     picture shows id, generation of birth, operator, and a bar with the shares of the source cities.
     The chart at the top counts all ancestors of the individual by the generation of their birth.
 
-    An ancestor that is several numbers of steps away, along different lines of descent, appears in
-    several rows. A row shows at most 10 ancestors, namely those with the most lines of descent to
-    the individual.
+    An ancestor appears in several rows if lines of descent with different numbers of steps lead to
+    it. A row shows at most 10 ancestors, namely those with the most lines of descent to the
+    individual.
 
     individual : individual whose pedigree to draw, or its id.
     generations : number of steps back from child to parent, at most 12; None means 12.

@@ -26,8 +26,9 @@ def first_and_last(
     run: Run, measures: str | Sequence[str] | None = None, ax: object = None
 ) -> Panels:
     """Draw histograms of each measure for the first and for the last population, with one panel per
-    measure. The histograms count only individuals that keep the constraints. Marks above a
-    histogram show the medians. Dashed lines show the target and the bounds of the measure.
+    measure. The histograms count only individuals that keep the constraints. Marks above each
+    histogram show the median of each population. Dashed lines show the target and the bounds of the
+    measure.
 
     measures : names of the measures to draw; by default the measures with a goal or bounds.
     ax : axes of matplotlib, one for each measure; by default the function makes new axes.
@@ -177,8 +178,8 @@ def _alone(heights: np.ndarray) -> np.ndarray:
 def credit(run: Run, ax: Axes | None = None) -> Axes:
     """Draw the success of each operator as bars. The bars count the births of the operator, the
     births that survived at least one generation, and the births that entered the archive. A text
-    beside the bars of an operator gives the operator's share of the ancestors of the living
-    individuals.
+    beside the bars gives the percentage of the living individuals' ancestors that the operator
+    bred.
 
     Raises `RunError` if the run does not record its goals.
     """

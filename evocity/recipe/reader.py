@@ -48,8 +48,8 @@ def read_recipe(source: str | os.PathLike = "demo", **overrides: int | str | Non
 
     Raises
     ------
-    RecipeError : error if the recipe has faults. The message of the error lists every fault with
-        its key, the value that arrived, and the values that are allowed.
+    RecipeError : the recipe has faults. The message of the error lists every fault with its key,
+        the value that arrived, and the values that are allowed.
 
     Reading a recipe executes the files of the user's own measures that the recipe names.
     """

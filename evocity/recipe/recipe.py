@@ -73,8 +73,8 @@ class Recipe(Section, Displayed):
     sections : sections of the recipe (docs/recipe.md), each a mapping of keys to values. The
         sections ``parents``, ``fitness`` and ``islands`` are lists. A string in the section
         ``parents`` names a map. A string in the section ``fitness``, or in the key ``record`` of
-        the section ``run``, names a measure. An `evocity.fitness.Measure` may replace the name of a
-        measure.
+        the section ``run``, names a measure. A recipe that is made from mappings may contain an
+        `evocity.fitness.Measure` in place of a measure's name.
 
     The attribute ``text`` holds the recipe as TOML. The attribute ``overrides`` maps keys to the
     values that replaced the values in the file, as in ``{"run.seed": 8}``. The attribute ``file``
@@ -217,8 +217,9 @@ class Recipe(Section, Displayed):
 
     @property
     def slots(self) -> list[range]:
-        """Slots of each island: the numbers, within a generation, of the births that the island
-        breeds. In a recipe without islands, one range contains all slots."""
+        """Slots of each island: the range of numbers that the births of the island have within a
+        generation. In a recipe without islands, a single range contains the numbers of all births
+        of a generation."""
         ends = [0]
         for island in self.islands:
             ends.append(ends[-1] + island.population)
@@ -238,8 +239,8 @@ class Recipe(Section, Displayed):
 
     @property
     def mixtures(self) -> list[dict[str, float]]:
-        """Weights of the operators by name, one mapping for each island. The result leaves out each
-        island whose algorithm breeds by a certain operator."""
+        """Weights of the operators by name, one mapping for each island. The result leaves out
+        islands whose search algorithm prescribes the operator."""
         return [
             {name: entry.weight for name, entry in one.operators.items()}
             for one in self.local
@@ -278,24 +279,25 @@ class Recipe(Section, Displayed):
 
     def operator(self, name: str, **changes: Any) -> Operator:
         """Make the operator called ``name`` with the parameters of the recipe. The keyword
-        arguments ``changes`` replace values of the operator's parameters in the recipe. If the
+        arguments ``changes`` replace the recipe's values of the operator's parameters. If the
         recipe gives a range for a parameter, the parameter gets the lower end of the range.
 
-        The operator takes ``reach`` and ``domains`` from the section ``[genome]``, except a
-        parameter that its recipe entry gives or that its attribute ``own_defaults`` names.
+        The section ``[genome]`` supplies ``reach`` and ``domains``, unless the recipe's entry of
+        the operator sets these parameters. The section ``[genome]`` supplies no parameter that the
+        operator's attribute ``own_defaults`` names.
         """
         return operator_of(name, self.parameters(name), self.genome.coding, **changes)
 
     def operator_drawn(self, name: str, rng: np.random.Generator, **changes: Any) -> Operator:
-        """Make the operator called ``name``, like the method `operator`, but with random values of
-        parameters, for one birth. The random generator ``rng`` draws the value of each parameter
-        that has a range."""
+        """Make the operator called ``name`` for one birth, with random values of the parameters
+        that have a range. The random generator ``rng`` draws the value of each parameter that has a
+        range."""
         return self.drawing(name)(rng, **changes)
 
     def drawing(self, name: str) -> Callable[..., Operator]:
-        """Make a function that calls the method `operator_drawn` for the operator called `name`,
-        for many births. The returned function takes a random generator, and optionally new values
-        of parameters."""
+        """Make a function that makes the operator called `name` for each of many births, like the
+        method `operator_drawn`. The returned function takes a random generator, and optionally new
+        values of parameters."""
         return drawing_of(name, self.parameters(name), self.genome.coding)
 
     def takes(self, name: str, key: str) -> bool:
@@ -309,6 +311,6 @@ class Recipe(Section, Displayed):
         return is_range(operators.operators()[name], key, value)
 
     def parameters(self, name: str) -> dict[str, Any]:
-        """Return the parameters of the operator called ``name`` as the TOML file of the recipe
-        writes them."""
+        """Return the parameters of the operator called ``name`` in the notation of the recipe's
+        TOML file."""
         return self.operators.get(name, OperatorEntry()).parameters

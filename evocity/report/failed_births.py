@@ -37,8 +37,9 @@ def failures(run: RunLog) -> list[Failure]:
 
 
 def unrecorded(run: RunLog) -> str:
-    """Describe in words how many births with status ok lack a value of a recorded measure or of a
-    constraint. Return "" if no birth lacks a value. Raises as `failures`."""
+    """Describe in words how many births with the status "ok" lack a value of a recorded measure or
+    of a constraint. Return "" if no birth lacks a value. Raises `RunError` for the same reasons as
+    `failures`."""
     births = run.births(columns=["status", "error"]).to_pylist()
     lacking = [one["error"] for one in births if one["status"] == "ok" and one["error"]]
     if not lacking:
@@ -51,7 +52,8 @@ def unrecorded(run: RunLog) -> str:
 
 def repeated(run: RunLog) -> str:
     """Describe in words that most births of the ``run`` have the same genome as another birth.
-    Return "" if at least a quarter of the births have different genomes. Raises as `failures`."""
+    Return "" if at least a quarter of the births have different genomes. Raises `RunError` for the
+    same reasons as `failures`."""
     genomes = [one for one in run.births(columns=["genome"])["genome"].to_pylist() if one]
     different = len(set(genomes))
     if different >= _DIFFERENT * len(genomes):

@@ -84,7 +84,7 @@ def write_report(run_folder: str | os.PathLike, output: str | os.PathLike | None
     The page contains everything in one file. The page shows which individuals to keep and why, the
     parents, the front, and curves over the generations. The page has galleries of the last
     generation and of the archive, and tables of births and failures. The page ends with the
-    settings of the run and the attributions. Writing the report executes no file of the run folder.
+    settings of the run and the attributions. The function executes no code from the run folder.
     Raises `RunError` if there is no run, if no generation is complete, or if the page cannot be
     written.
     """

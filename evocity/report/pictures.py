@@ -65,8 +65,8 @@ def scale_colours(highest: float, steps: int = 24) -> list[str]:
 
 def contact_sheet(run: Run, *, best: int = 8, columns: int = 4) -> Image.Image:
     """Draw the maps of a run on one sheet: first the parents, then the best individuals of the last
-    generation. The measures take turns to add their best individuals. If several individuals look
-    almost the same, the sheet shows only one of these individuals.
+    generation. Each measure in turn adds its next best individual to the sheet. If several
+    individuals look almost the same, the sheet shows only one of these individuals.
 
     All maps on the sheet have one scale of heights. The sheet has a legend of the scale and the
     attributions of the source cities. Raises `RunError` if the run has no complete generation yet,

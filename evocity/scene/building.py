@@ -320,7 +320,8 @@ def scene(
         of the library fits a building, the object replaces the building. The generator ``rng``
         chooses between objects that fit equally well; None means a generator with the seed 0.
     streets : whether the streets are separate surfaces.
-    measures : values of the map's measures by name; CityJSON files store them as attributes.
+    measures : values of the map's measures by name; CityJSON files store these values as
+        attributes.
     how : options of `CityMap.walled` for the walls: ``detail``, ``relative``, ``squared``,
         ``storeys`` and ``least_area``. Values out of range raise `MapError`.
     """

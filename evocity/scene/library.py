@@ -138,8 +138,8 @@ class Library:
         )
 
     def of_atmosphere(self, atmosphere: str) -> "Library":
-        """Select the objects that suit a kind of place, the ``atmosphere``. Raises `MapError` if no
-        object has the given atmosphere."""
+        """Select the objects that suit the given ``atmosphere``, a kind of urban place. Raises
+        `MapError` if no object has the given atmosphere."""
         chosen = [k for k, own in enumerate(self.atmospheres) if own == atmosphere]
         if not chosen:
             known = ", ".join(sorted(map(spell, set(self.atmospheres))))

@@ -85,7 +85,7 @@ def facades(city: CityMap, shortest: float = SHORTEST) -> list[np.ndarray]:
     """Trace the straight walls of buildings in ``city.walls`` as closed lines. The lines are the
     outer wall of each building and the walls of its courts, the longest first. The parameter
     ``shortest`` is the least length of a line, metres; shorter lines are left out. Raises
-    `MapError` in the cases in which `fabric_edges` raises it."""
+    `MapError` for the same reasons as `fabric_edges`."""
     _check(city, shortest=shortest)
     parts = shapely.get_parts(np.array(city.walls.polygons, dtype=object))
     rings = [ring for part in parts for ring in (part.exterior, *part.interiors)]

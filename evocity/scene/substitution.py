@@ -113,10 +113,10 @@ class Substitution:
     def copies(
         self, offset: tuple[float, float], chosen: np.ndarray, more: int = 0
     ) -> Copies | None:
-        """Return the objects that replace some buildings, as copies of shapes, in metres from
-        ``offset``; the mask ``chosen``, bool ``(n,)``, marks these buildings. The result ends with
-        ``more`` additional entries, for solids that are not copies. The result is None if no object
-        replaces a chosen building."""
+        """Return copies of the objects that replace the buildings in the mask ``chosen``, bool
+        ``(n,)``; coordinates are metres from ``offset``. The result ends with ``more`` additional
+        entries, for solids that are not copies. The result is None if no object replaces a chosen
+        building."""
         objects = np.r_[self.objects[chosen], np.full(more, -1)]
         used, of = np.unique(objects, return_inverse=True)
         used, of = used[used >= 0], of - int((objects < 0).any())
@@ -165,8 +165,8 @@ def substituted(
 
     Each building takes the object that fills its footprint best, among the objects of the
     building's class. The height of the object differs from the height of the building by at most a
-    storey (3 m). The object may be turned by any angle and mirrored, and its axes scaled by at most
-    15 %.
+    storey (3 m). The object may be turned by any angle and mirrored, and its axes may be scaled by
+    at most 15 %.
 
     The object stands within the footprint and a ``margin`` around it. Each point of the margin is
     at least twice as far from any other building as from the building itself. No object crosses a
@@ -187,7 +187,7 @@ def substituted(
 
     Sources: Marsault 2002 (§6.2) and 2005 (§3.1) propose libraries of objects. Each object has the
     height and the footprint of the building that it replaces. According to the papers, libraries of
-    objects have "not been already implemented"; the method of evocity is its own. A map of about
+    objects have "not been already implemented"; the method here comes from evocity. A map of about
     300 buildings and a library of a thousand objects take about 1 s.
     """
     check_number("margin", margin, 0, 100, "metres, 0 to 100", MapError)

@@ -36,7 +36,7 @@ from evocity.store import BackgroundWriter, Birth, refuse_existing
 
 
 class Search:
-    """Search for cities by a recipe: an iterator of `Generation`, and a context manager.
+    """A search by a recipe, usable as an iterator of `Generation` and as a context manager.
 
     >>> with Search(read_recipe("demo"), out="runs/demo") as search:  # doctest: +SKIP
     ...     for generation in search:
@@ -48,14 +48,14 @@ class Search:
     ----------
     recipe : recipe of the search, from `read_recipe`.
     out : run folder to be created; with None, the search records nothing.
-    workers : number of worker processes, in place of the recipe's number. With ``workers=0`` this
-        process evaluates all births, without deadlines. Births do not depend on ``workers``.
+    workers : number of worker processes, instead of the recipe's number. With ``workers=0``, the
+        calling process evaluates all births without deadlines. Births do not depend on ``workers``.
     cluster : address of a Dask cluster, in place of the recipe's address: one of "tcp://HOST:PORT",
         "local:N", "none". With a cluster, ``workers`` is the number of processes in each Dask
-        worker, by default one process per thread.
-    progress : function that is called with a few words on each step before the first generation.
-    observers : receivers of generations and events, see `evocity.search.steering.observers`.
-    clock : function that returns the time, for the key ``until`` of the section ``[stop]``.
+        worker; by default, each thread of the Dask worker gets a process.
+    progress : function that receives a short text at each step before the first generation.
+    observers : receivers of generations and events (see `evocity.search.steering.observers`).
+    clock : function that returns the time, to check the key ``until`` of the section ``[stop]``.
 
     The commands `stop`, `pick` and `reweight` can control a search through its run folder. The
     attribute ``notes`` lists sentences for the user: how files of maps were read, which constraints
@@ -122,20 +122,20 @@ class Search:
 
         The arguments ``generations`` and ``until`` replace the values in the recipe. If a rule in
         ``[stop]`` still ends the run, no generation follows, and the attribute ``notes`` says which
-        value to change. If ``generations`` adds generations, a run continues that stopped before.
+        value to change. If the argument ``generations`` adds generations, a stopped run continues.
 
         The argument ``recipe`` is a new recipe, or its path. The search judges all earlier births
-        again by the goals of the new recipe. The search also computes, for earlier births, the
-        measures that only the new recipe names.
+        again by the goals of the new recipe. The search computes new measures of the recipe for
+        earlier births, too.
 
-        If the new recipe changes a value that must stay constant during a run, `RecipeError` lists
-        these changes. The method `resume` raises `RunError` in three cases.
+        If the new recipe changes values that must stay constant in a run, `RecipeError` lists these
+        values. The method `resume` raises `RunError` in three cases.
 
-        - `RunError` names changes of the recipe, a map or the source of a measure, unless
-          ``accept_changes`` is True. The resume executes none of the changed files.
-        - `RunError` says that a change is not allowed, or that ``generations`` is too small.
-        - `RunError` says that the run started on another machine and names measure files or
-          commands, unless ``trust`` is True. The resume then executes no measure file.
+        - If the recipe, a map or a measure has changed, `RunError` lists the changes, unless
+          ``accept_changes`` is True. With ``accept_changes=False``, no changed file is executed.
+        - If a change is not allowed, or ``generations`` is too small, `resume` raises `RunError`.
+        - If a run from another machine has measure files or commands, `resume` raises `RunError`,
+          unless ``trust`` is True. With ``trust=False``, no measure file of this run is executed.
         """
         overrides = {"run.generations": generations, "stop.until": until}
         permission, tell = Permission(trust, accept_changes), progress or (lambda text: None)
@@ -186,8 +186,8 @@ class Search:
 
     @property
     def stopped_by(self) -> Reason | None:
-        """Rule in the recipe's section ``[stop]`` that ended the search; None without such a
-        rule."""
+        """Rule in the recipe's section ``[stop]`` that ended the search; None if no rule ended the
+        search."""
         return None if self._stopping is None or self.finished else self._stopping.reason
 
     def stop(self) -> None:
@@ -196,7 +196,7 @@ class Search:
 
     def pick(self, ids: Sequence[int], share: float | None = None) -> None:
         """Use the individuals with these ``ids`` as additional parents from the next generation on.
-        Events report ids that are unknown or failed. See `evocity.search.record.commands.Pick`."""
+        Events report unknown ids and failed births. See `evocity.search.record.commands.Pick`."""
         self._steering.add(Pick(ids=tuple(ids), share=share))
 
     def reweight(self, **weights: float) -> None:
@@ -227,18 +227,18 @@ class Search:
         """Prepare the search now, instead of at the beginning of the first generation.
 
         The preparation reads and encodes the parents, starts the workers, checks which constraints
-        the parents keep, and creates the run folder. Only the first call has an effect.
+        the parents keep, and creates the run folder. Only the first `prepare` has an effect.
 
         Raises `MapError`, `GenomeError` or `FitnessError` if a map cannot be used. Raises
-        `RecipeError` if no parent keeps a constraint, and breeding cannot bring births closer to
-        the constraint's bound. See `evocity.search.preparation.constraints`.
+        `RecipeError` if no parent satisfies a constraint, and breeding cannot bring births closer
+        to the bound of this constraint. See `evocity.search.preparation.constraints`.
         """
         self._refuse_closed("prepare()")
         if self._prepared is None:
             self._start(True)
 
     def ask(self) -> list[Genome]:
-        """Breed the next generation, without refinements. Return the genomes for you to evaluate.
+        """Breed the next generation, but refine no birth. Return the genomes for you to evaluate.
 
         The returned list lacks births whose operator failed; the method `tell` logs these births.
         Only the method `prepare` checks which constraints the parents keep. Raises `RunError` in

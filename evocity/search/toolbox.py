@@ -259,9 +259,10 @@ def deap_toolbox(
     individual breaks a constraint, its losses are at least the constant `BROKEN`. If an individual
     failed, each of its losses is the constant `FAILED`.
 
-    The argument ``workers`` replaces the recipe's number of processes; with ``workers=0``, this
-    process evaluates all births. Operators draw random numbers from a generator with the recipe's
-    seed. DEAP draws random numbers from Python's module ``random``, which you seed yourself.
+    The argument ``workers`` replaces the recipe's number of processes; with ``workers=0``, the
+    calling process evaluates all births. Operators draw random numbers from a generator with the
+    recipe's seed. DEAP draws random numbers from Python's module ``random``, which you seed
+    yourself.
 
     The function raises the same errors as `Search.prepare`. Raises `RecipeError` for a recipe with
     islands.

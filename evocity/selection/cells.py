@@ -51,8 +51,8 @@ class Grid:
         return np.where(known, np.ravel_multi_index(places, self.counts), -1)
 
     def places(self, cells: np.ndarray) -> np.ndarray:
-        """Find the place of each of the ``cells`` `(n,)` along each descriptor, int ``(n, d)``; the
-        lowest place is 0."""
+        """Convert the numbers of ``cells`` `(n,)` to positions along each descriptor, int ``(n,
+        d)``; the lowest position is 0."""
         places = np.unravel_index(np.asarray(cells, np.int64), self.counts)
         return np.stack(places, axis=-1).astype(np.int64)
 

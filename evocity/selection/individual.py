@@ -12,11 +12,11 @@ class Individual:
     ``losses`` holds the numbers that selection minimises, in the order of the objectives. The
     number ``violation`` tells how far the individual violates the constraints; 0 means that all
     constraints hold. The attribute ``rank`` is the number of the Pareto front to which the
-    individual belongs, 0 for the best front. The attribute ``marks`` holds further numbers that the
-    algorithm gives to the individual, by name. The attribute ``plan`` holds a name that is the same
-    for individuals with the same plan of streets; it is None if the plan is unknown, or if the run
-    has no niches of plans. The attribute ``changed`` tells whether the plan differs from those of
-    all source cities."""
+    individual belongs, 0 for the best front. The attribute ``marks`` holds additional numbers that
+    the algorithm gives to the individual, by name. The attribute ``plan`` names the plan of
+    streets; individuals with the same plan have the same name. The attribute `plan` is None if the
+    plan is unknown, or if the run has no niches of plans. The attribute ``changed`` tells whether
+    the plan of streets differs from the plans of all source cities."""
 
     id: int
     genome: Genome = field(repr=False)

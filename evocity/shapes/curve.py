@@ -29,9 +29,9 @@ class Curve:
     Parameters
     ----------
     points : the control points, float ``(n, d)`` with n = 2…64, in the plane or in space.
-    maps : one matrix for each part of the curve, float ``(N, n, n)``, N ≥ 2, whose columns each sum
-        to 1. If the columns of P are the control points of the curve, the control points of part i
-        are P T_i, with T_i the map of the part.
+    maps : one matrix for each part of the curve, float ``(N, n, n)``, N ≥ 2; each column of a
+        matrix sums to 1. If the columns of P are the control points of the curve, the control
+        points of part i are P T_i, with T_i the map of the part.
 
     Raises
     ------
@@ -39,8 +39,8 @@ class Curve:
         maps that do not contract.
 
     Source: definitions 5 to 8 of the paper by Hnaidi, Guérin and Akkouche. Definitions 5 to 8 of
-    the paper let the rows of a map sum to 1, but its text and its drawing need columns that sum to
-    1.
+    the paper let the rows of a map sum to 1, but the paper's text and drawing need columns that sum
+    to 1.
     """
 
     points: np.ndarray
@@ -150,7 +150,7 @@ class Curve:
         return polygons
 
     def line(self, depth: int) -> np.ndarray:
-        """Compute points on the curve, after dividing it ``depth`` times into N parts, float
+        """Divide the curve ``depth`` times into N parts, and compute points on the curve, float
         ``(N^depth + 1, d)``. The points are the start of each part and the end of the last part.
         Raises `ShapeError` for more than ten million points."""
         polygons, (first, last) = self.polygons(depth), self.ends

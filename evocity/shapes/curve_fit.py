@@ -48,8 +48,8 @@ def fit_curve(
     depth : number of levels; by default the fewest levels that have at least as many points as the
         line.
     drawn : number of finest levels that the maps draw without details; the share ``1 / N^drawn`` of
-        the line's numbers remains. If ``drawn`` is None, no level has details, and the result is
-        a curve of n control points.
+        the numbers that store the line remains. If ``drawn`` is None, no level has details, and the
+        result is a curve of n control points.
     starts : number of fits from different starting maps; the best fit is kept. The first start is a
         Bézier curve. Each start after the first is a straight line with random changes.
     rng : random generator for the starts; by default a generator with the seed 0.
@@ -57,9 +57,9 @@ def fit_curve(
 
     Parts share their ends, and the ends of the line stay in place. The fit minimises the sum of
     squared distances between the line and the result of ``dropped(drawn)``. The Jacobian is exact
-    except for a term that vanishes with the residuals (Kaufman). In the fit, maps whose long
-    products do not shrink cost as much as a bad fit. The fit drops maps that provably do not
-    contract.
+    except for a term that vanishes with the residuals (Kaufman). In the fit, the cost of maps whose
+    long products do not shrink equals the cost of a bad fit. The fit drops maps that provably do
+    not contract.
 
     Raises `ShapeError` if the line is invalid, if a number is out of range, or if no start gives
     contracting maps.

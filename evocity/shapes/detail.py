@@ -29,12 +29,12 @@ class Detailed:
     returns the line.
 
     curve : the control points and maps of the curve.
-    details : the details of each level l, complex ``(N^l, m)``: m details for each of N^l polygons;
-        the coarsest level comes first. A detail is the difference between a part of a polygon and
-        the same part as the maps compute it. Details are relative to the vector from the polygon's
-        first point to its last point. Details turn, move and grow together with their polygon. A
-        polygon of n points and N maps has m = (n − 1)(N − 1) details if parts share their ends, and
-        m = n (N − 1) details otherwise.
+    details : a complex array ``(N^l, m)`` for each level l, with m details for each of N^l
+        polygons; the coarsest level comes first. A detail is the difference between a part of a
+        polygon and the part that the maps compute. Details are relative to the vector from the
+        polygon's first point to its last point. Details turn, move and grow together with their
+        polygon. A polygon of n points and N maps has m = (n − 1)(N − 1) details if parts share
+        their ends, and m = n (N − 1) details otherwise.
     shared : whether parts share their ends. A line of n control points and N maps has (n − 1)
         N^depth + 1 points if parts share their ends, and n N^depth points otherwise.
 
@@ -107,8 +107,8 @@ class Detailed:
 
     @classmethod
     def analysed(cls, points: ArrayLike, maps: ArrayLike, shared: bool, depth: int) -> "Detailed":
-        """Analyse a line whose number of ``points`` ``(M, 2)`` suits the ``depth`` exactly. Unlike
-        in the method `Detailed.of`, successive points of the line may coincide."""
+        """Analyse a line of ``points`` ``(M, 2)``; the number M must suit the ``depth`` exactly.
+        Unlike in the method `Detailed.of`, successive points of the line may coincide."""
         maps = np.array(maps, np.float64)
         curve = Curve(np.zeros((maps.shape[-1] if maps.ndim else 0, 2)), maps)
         parts, size = maps.shape[:2]
@@ -191,8 +191,8 @@ class Detailed:
         return self.points(self.depth)
 
     def dropped(self, levels: int) -> "Detailed":
-        """Drop the details of the finest ``levels``; the share ``1 / N^levels`` of the line's
-        numbers remains, with N the number of maps.
+        """Drop the details of the finest ``levels``; the share ``1 / N^levels`` of the numbers that
+        store the line remains, with N the number of maps.
 
         Among all lines that the maps make from the remaining polygons, the result is the
         least-squares fit to the points of this line. If parts share their ends, the ends of the
@@ -251,7 +251,7 @@ class Detailed:
         )
 
     def recoded(self, like: "Detailed") -> "Detailed":
-        """Analyse this line by the maps and the depth of the line in the argument ``like``."""
+        """Analyse this line with the maps and the depth of another line, ``like``."""
         return Detailed.of(self.line(), like.curve.maps, like.depth, like.shared)
 
     def moved(self, points: ArrayLike) -> "Detailed":

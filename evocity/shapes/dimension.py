@@ -37,9 +37,10 @@ def dimension_of(shape: Shape) -> float:
     """Compute the similarity dimension s of a ``shape``.
 
     For a shape with all words, the dimension s solves Σ rˢ = 1 over the ratios r of the shape's
-    maps. For a restricted language, s is the number for which the automaton's matrix of sums of rˢ
-    has the spectral radius 1. The similarity dimension equals the dimension of the attractor if
-    pieces do not overlap (the open set condition). A shape of single points has the dimension 0.
+    maps. For a restricted language, the dimension s gives the automaton's matrix the spectral
+    radius 1; the entries of the matrix are sums of rˢ over the ratios r. The similarity dimension
+    equals the dimension of the attractor if pieces do not overlap (the open set condition). A shape
+    of single points has the dimension 0.
 
     Raises `ShapeError` if a map is not a similarity, or if the language has finitely many words.
 

@@ -147,8 +147,8 @@ def svg_of(shape: Shape, depth: int, side: int = 512, most: int = 10**5) -> str:
 
 def line_picture(lines: Sequence[ArrayLike], side: int = 512) -> Image.Image:
     """Draw ``lines``, each ``(n, 2)``, in a picture of ``side`` × ``side`` px, north up. The first
-    line is dark and lies over the rest of the lines, which are grey. Raises `ShapeError` if a line
-    is not a polyline of the plane."""
+    line is dark and covers the remaining lines, which are grey. Raises `ShapeError` if a line is
+    not a polyline of the plane."""
     lines = [line_of(line) for line in lines]
     every = np.vstack(lines)
     frame = Frame.of(np.stack([every.min(axis=0), every.max(axis=0)]), side)

@@ -38,7 +38,7 @@ class Pieces:
 
     maps : the product of the maps along the word of each piece, float ``(n, m, m + 1)``.
     lengths : the length of the word of each piece, int ``(n,)``.
-    colours : red, green and blue of each piece, 0 to 1, float ``(n, 3)``; ``(n, 0)`` without any.
+    colours : RGB values of each piece, 0 to 1, float ``(n, 3)``; ``(n, 0)`` without colours.
     primitive : the drawing that the map of each piece transforms.
     """
 
@@ -52,7 +52,7 @@ class Pieces:
 
     @property
     def points(self) -> np.ndarray:
-        """The points of the primitive, as the map of each piece transforms them, ``(n, k, m)``."""
+        """Array ``(n, k, m)`` of the primitive's points, transformed by the map of each piece."""
         return apply_maps(self.maps, self.primitive.points)
 
 
@@ -60,7 +60,7 @@ class Pieces:
 class Shape:
     """An iterated function system: affine maps of the plane or of space, with a language of words.
 
-    A word is a sequence of maps, which transform the primitive into a piece of the shape.
+    A word is a sequence of maps that transform the primitive into a piece of the shape.
 
     Parameters
     ----------
@@ -75,8 +75,8 @@ class Shape:
 
     The shape ``a | b`` has the pieces of both shapes. The shape ``a @ b`` has copies of the shape b
     along the shape a; words of a should have equal lengths, as in ``koch.level(2) @ fern``. For
-    shapes with the same maps, ``a & b`` has the common words, and ``a - b`` the words only in
-    ``a``.
+    shapes with the same maps, ``a & b`` has the common words, and ``a - b`` has the words that only
+    ``a`` has.
 
     Raises
     ------
@@ -270,16 +270,16 @@ class Shape:
     def laid(
         self, side: int, scale: float, offset: np.ndarray, most: int = 10**9
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Fill the cells of a raster by pieces as small as a cell.
+        """Fill the cells of a raster with pieces as small as a cell.
 
         side : number of cells along each axis.
         scale : number of cells per unit of the shape.
-        offset : place of the shape's origin in the raster, in cells, y upwards, ``(m,)``.
+        offset : position of the shape's origin in the raster, in cells, with y upwards, ``(m,)``.
 
         The first returned array is bool and marks the filled cells: rows from the north, then
-        columns, then layers. The second array holds the colours of the filled cells, float with an
-        additional axis. Pieces of later words paint over pieces of earlier words. Raises
-        `ShapeError` for more pieces than the limit ``most``.
+        columns, then layers. The second returned array holds the colours of the filled cells, as
+        floats along an additional axis. Pieces of later words paint over pieces of earlier words.
+        Raises `ShapeError` for more pieces than the limit ``most``.
         """
         base = self._base
         marks = np.zeros(side**self.size, np.uint8)

@@ -24,8 +24,8 @@ def wire(
 ) -> Shape:
     """Make a wire form, such as the Koch curve: a line replaces a segment, again and again.
 
-    The first line replaces the segment from (0, 0) to (1, 0). In a wire form, each segment of the
-    line that replaces a segment is called an arc.
+    The first line replaces the segment from (0, 0) to (1, 0). In a wire form, the segments of the
+    replacing line are called arcs.
 
     points : points of the line that replaces a segment, float ``(n, 2)`` or n complex numbers.
     arcs : the numbers (start, end) of the two points that each arc joins. Arcs may form any graph;
@@ -86,8 +86,8 @@ class Metamorphosis:
     pairs : numbers of paired maps: a map of the first shape becomes the paired map of the last
         shape.
     linear : whether the coefficients of the maps are interpolated directly, which keeps connected
-        forms connected. If ``linear`` is false, the rotations of the maps turn the shorter way, and
-        their stretches are interpolated.
+        forms connected. If ``linear`` is false, the rotation of each map turns in the shorter
+        direction, and the stretches of the maps are interpolated.
     """
 
     first: Shape
@@ -117,9 +117,9 @@ def metamorphosis(first: Shape, last: Shape, linear: bool | None = None) -> Meta
     linear : whether the coefficients of the maps are interpolated directly, see `Metamorphosis`. By
         default ``linear`` is true for two wire forms whose arcs follow each other without gaps.
 
-    If one shape has fewer maps, its last map becomes several maps of the other shape. In a wire
-    form, all new maps but the first grow from the end point of the line, so that the line stays
-    connected.
+    If the numbers of maps differ, the last map of the shape with fewer maps is paired with several
+    maps. In a wire form, all new maps but the first grow from the end point of the line, so that
+    the line stays connected.
 
     Raises `ShapeError` if only one of the two shapes is three-dimensional, or if a shape has a
     restricted language.

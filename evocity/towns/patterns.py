@@ -36,8 +36,8 @@ def concentric_town(
 
     Parameters
     ----------
-    pixels, metres_per_pixel, rng, storeys : as in `substitution_town`; the generator ``rng`` also
-        varies the depth of houses.
+    pixels, metres_per_pixel, rng, storeys : as in `substitution_town`; the generator ``rng`` varies
+        both the height and the depth of houses.
     place : radius of the central place, metres.
     street : width of the streets and roads, metres; lanes are half as wide.
     roads : number of roads that lead to the central place, 3…360.
@@ -85,8 +85,8 @@ def chessboard_town(
 
     Parameters
     ----------
-    pixels, metres_per_pixel, rng, storeys : as in `substitution_town`; the generator ``rng`` also
-        varies the depth of houses.
+    pixels, metres_per_pixel, rng, storeys : as in `substitution_town`; the generator ``rng`` varies
+        both the height and the depth of houses.
     block : approximate side of the blocks, metres; a whole number of blocks fills the map.
     street : width of the streets, metres.
     depth, frontage : depth and width of the houses, metres.
@@ -140,8 +140,8 @@ def radial_town(
 
     Parameters
     ----------
-    pixels, metres_per_pixel, rng, storeys : as in `substitution_town`; the generator ``rng`` also
-        varies the depth of houses.
+    pixels, metres_per_pixel, rng, storeys : as in `substitution_town`; the generator ``rng`` varies
+        both the height and the depth of houses.
     place : radius of the central place, metres.
     street : width of the streets, metres; lanes are half as wide.
     roads : number of streets that begin at the central place, 3…360.

@@ -29,8 +29,8 @@ def substitution_town(
 
     Parameters
     ----------
-    pixels, metres_per_pixel : number of pixels along the side of the map, which is square; the side
-        of a pixel in metres.
+    pixels, metres_per_pixel : number of pixels along each side of the square map, and the side of a
+        pixel in metres.
     rng : random generator that varies the height of houses by a storey; None for no variation.
     motif : rows of letters from north to south, separated by /. Equal letters of the motif form one
         rectangular shape, and each dot is open ground. The motif stretches over the shape that it
@@ -40,10 +40,10 @@ def substitution_town(
     iterations : number of replacements of shapes by the motif, 1…8.
     street : width of the streets that the first iteration opens, metres.
     narrowing : factor by which each iteration narrows the streets, above 0, at most 1.
-    least : smallest width of a part of the town, metres. The motif does not replace a shape if a
-        part of the new shapes would be narrower than ``least``.
-    storeys : numbers of storeys of the lowest and of the highest houses; each iteration adds its
-        part of the height.
+    least : smallest width that a new shape may have, metres. The motif does not replace a shape if
+        one of the new shapes would be narrower than ``least``.
+    storeys : numbers of storeys of the lowest and of the highest houses; each iteration adds a part
+        of the height.
 
     Raises `MapError` for a parameter out of range, or a motif with a shape that is not a rectangle.
     """

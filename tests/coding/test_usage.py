@@ -213,8 +213,11 @@ def test_values_told_of_lyon_are_true():
     near, whole = (usage(uniformly(lyon, reach=reach).genome) for reach in (24, None))
     most, served = near.domain_calls.max(), (near.calls > 0).sum()
     called = len(near.domain_calls)
-    assert f"{served} lifs of this code call {called} domain blocks, each at most {most} " in words
+    assert (
+        f"{served} lifs of Lyon's code call {called} domain blocks, and each block at most {most} "
+        in words
+    )
     called, most = len(whole.domain_calls), whole.domain_calls.max()
-    assert f"only {called} domain blocks, and one of these blocks {most} times" in words
+    assert f"only {called} domain blocks, and call one block {most} times" in words
     assert (whole.pixels == 0).mean() == pytest.approx(2 / 3, abs=0.05)
     assert "lifs copy only one in three pixels of Lyon" in words

@@ -71,10 +71,10 @@ def best_correlations(
     """Compute the squared correlation ρ² between each range block of a map and its best domain
     block, for range blocks of one side.
 
-    The value ρ² is the share of a range block's variance that a domain block explains with any σ.
-    Domain blocks have the sides m·B for each m in ``domains``, and lie within ``reach`` px of their
-    range block. The sides of the map must be multiples of the range blocks' side B, the parameter
-    ``block``.
+    The value ρ² is the share of a range block's variance that a domain block explains with the best
+    σ, if σ has no bound. Domain blocks have the sides m·B for each m in ``domains``, and lie within
+    ``reach`` px of their range block. The parameter ``block`` is the side B of the range blocks;
+    the sides of the map must be multiples of B.
 
     Returns ρ², float32 ``(n,)`` from 0 to 1, and a mask of uniform range blocks, bool ``(n,)``. A
     range block is uniform if its heights span at most ``flat`` metres; the value ρ² of a uniform

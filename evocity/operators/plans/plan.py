@@ -40,7 +40,7 @@ class Plan:
     buildings, and courts.
 
     heights : float32 ``(H, W)``, heights of the map, metres.
-    metres_per_pixel : side of a pixel, metres. corner : (x, y) of the north-west corner.
+    metres_per_pixel : length of a pixel's side, metres. corner : (x, y) of the north-west corner.
     name, attribution : those of the map.
     labels : int32 ``(H, W)``: the face of each pixel, 1…n; 0 on the axes between faces. Large faces
         have low numbers. Where an isometry of the square turns the street graph with the map, each

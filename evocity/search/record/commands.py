@@ -258,9 +258,9 @@ def pick(path: str | os.PathLike, ids: Sequence[int], share: float | None = None
     """Use the individuals with these ``ids`` as additional parents of the run in ``path``, from the
     next generation on, and even after a resume.
 
-    A picked individual is the first parent in the given ``share`` of all births (0…1; by default
-    the key ``picks`` of the recipe's section ``[search]``). Individuals that were picked earlier
-    stay picked.
+    The argument ``share`` (0…1) is the share of births whose first parent is a picked individual.
+    By default, the key ``picks`` of the recipe's section ``[search]`` gives the value of ``share``.
+    Individuals that were picked earlier stay picked.
 
     Returns whether the run is in progress now. Raises `RunError` if one of the individuals was
     never born, if its birth failed, or if the algorithm of the run accepts no picks.

@@ -59,7 +59,7 @@ def binned(
 
     The best birth of a cell is the birth with the least loss, or the earliest of several with equal
     losses. If the run has several goals, the argument ``goal`` names the goal that determines the
-    best births. Cells contain only births with the status ok that keep all constraints and have a
+    best births. Cells contain only births that have the status ok, keep all constraints, and have a
     value of each descriptor. The class `evocity.selection.cells.Quality` computes the QD-score from
     the losses of the run's first generation.
 

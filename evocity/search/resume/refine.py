@@ -104,37 +104,38 @@ def refine(
 
     Parameters
     ----------
-    run : folder of a run, or an object of `evocity.open_run`. The run may be finished or in
-        progress, and the refinement does not change the run.
+    run : folder of a run, or the object that `evocity.open_run` returned. The run may be finished
+        or in progress, and the refinement does not change the run.
     id : id of an individual that the run has bred and measured.
     way : name of the refinement: "lambda_field", "heights", "parameters" or "fit". With
         ``way="lambda_field"``, the refinement tunes which street blocks take the fabric of other
-        individuals (`evocity.operators.LambdaField`). The refinement by "lambda_field" tunes a
-        field of ``side`` × ``side`` values for each of the other individuals, from coarse to fine,
-        in rounds. Each round of the refinement starts at the best result of the previous round.
-        With ``way="heights"``, the refinement tunes ``side`` × ``side`` factors of the heights of
-        street blocks (`evocity.operators.HeightField`). With ``way="parameters"``, the refinement
-        tunes numeric parameters of the operator that bred the individual; the operator's random
-        draws do not change. With ``way="fit"``, the refinement tunes σ and β of all lifs until the
-        decoded map is closest to the map ``towards`` (`evocity.coding.fit.fit_attractor`). With
-        ``way="fit"``, the refinement ignores the goals of the run.
+        individuals (`evocity.operators.LambdaField`). With ``way="lambda_field"``, the refinement
+        works in rounds, and tunes a field of ``side`` × ``side`` values for each of the other
+        individuals, from coarse to fine. Each round of the refinement starts at the best result of
+        the previous round. With ``way="heights"``, the refinement tunes ``side`` × ``side`` factors
+        of the heights of street blocks (`evocity.operators.HeightField`). With
+        ``way="parameters"``, the refinement tunes numeric parameters of the operator that bred the
+        individual; the operator's random draws do not change. With ``way="fit"``, the refinement
+        tunes σ and β of all lifs until the decoded map is closest to the map ``towards``
+        (`evocity.coding.fit.fit_attractor`). With ``way="fit"``, the refinement ignores the goals
+        of the run.
     budget : largest number of evaluations, 1…1000000. If several children have equal genomes, the
         refinement measures only the first of these children.
-    algorithm : name of NLopt's algorithm, "sbplx", "cobyla" or "bobyqa"; the refinement with
+    algorithm : one of NLopt's algorithms "sbplx", "cobyla" and "bobyqa"; the refinement with
         ``way="fit"`` ignores this name.
     side : number of values along each side of a field, 1…16; 4 to 8 is a good choice.
-    rounds : number of rounds of the refinement, 1…1000. The default number of rounds is one for
-        each ten evaluations with "sbplx", and four with the other algorithms.
+    rounds : number of rounds of the refinement, 1…1000. By default, "sbplx" makes one round for
+        each ten evaluations, and the other algorithms make four rounds in all.
     others : ids of the other individuals whose fabric the refinement tries in each round. By
-        default, each round uses two other individuals: one that ``seed`` draws from the last
-        generation, and a variant of the refined individual. In three steps, the run's operators
+        default, each round uses two other individuals: one drawn at random from the last generation
+        by ``seed``, and a variant of the refined individual. In three steps, the run's operators
         breed a variant of the refined individual; the variant is not measured.
     tune : names of the parameters to tune with ``way="parameters"``; by default all parameters.
     accept_changes : whether to continue although the recipe, a map or a measure has changed since
         the run.
     trust : whether to execute the measures of a run that started on another machine.
     progress : function that is called with the number of evaluations and the best score so far.
-    told : function that is called with a few words on each step of the preparation.
+    told : function that receives a short text at each step of the preparation.
 
     Returns
     -------
@@ -148,9 +149,9 @@ def refine(
     OperatorError : error if the individual has nothing that the refinement can tune.
     EvocityError : the argument ``way`` or ``algorithm`` is unknown, or a number is out of range.
 
-    A failed child counts as an evaluation, and as worse than all children that succeeded. An
-    exception of your own measure ends the refinement, as Ctrl-C does, unless evocity counts the
-    exception as a failed child.
+    A failed child uses up one evaluation, and ranks below all children that succeeded. An exception
+    in your own measure, or Ctrl-C, ends the refinement, unless evocity counts the exception as a
+    failed child.
     """
     _refuse_arguments(way, budget, algorithm, side, rounds, towards)
     say = told or (lambda text: None)

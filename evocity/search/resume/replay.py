@@ -54,14 +54,14 @@ def replay(
     ids : ids of the births to repeat; None repeats all births.
     trust, accept_changes : permissions to execute measures and to accept changes, as in
         `evocity.Search.resume`.
-    workers : number of worker processes, which keep the recipe's deadline and memory limit. With
-        ``workers=0``, this process repeats the births without limits of time and memory. A birth
-        that exceeded a limit, or whose worker died, is bred if the log has its genome, but is not
-        measured.
+    workers : number of worker processes, which obey the recipe's deadline and memory limit. With
+        ``workers=0``, the calling process repeats the births, without limits of time and memory.
+        Births that exceeded a limit, or whose worker died, are not measured; they are bred only if
+        the log has their genome.
     progress : function that is called with the number of finished births.
 
-    Raises `RunError` if one of the ``ids`` is not a birth of the run, and in the cases in which
-    `evocity.Search.resume` raises it.
+    Raises `RunError` if one of the ``ids`` is not a birth of the run; see `evocity.Search.resume`
+    for further causes.
     """
     run = run if isinstance(run, RunLog) else CompleteRun(run)
     expected = "a whole number of processes, 0 or more"

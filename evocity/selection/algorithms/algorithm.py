@@ -37,17 +37,17 @@ class Algorithm(ABC):
     """A selection algorithm, which selects the survivors and the parents. For all algorithms, lower
     losses are better than higher losses.
 
-    An algorithm must decide only by its input, whatever the order of the input, because a resumed
-    run passes the living individuals to `judged`.
+    The decisions of an algorithm must depend only on its input, and not on the order of the input,
+    because a resumed run passes the living individuals to `judged`.
 
     name : name of the algorithm in recipes.
-    marks : names of additional columns of the log's table ``membership``. Each column has a number
-        for each living individual, for example its crowding distance.
+    marks : names of additional columns of the log's table ``membership``. Each additional column
+        holds a number for each living individual, for example the crowding distance.
     figures : names of the numbers that the method `summary` computes for all living individuals
         together.
     Keys : pydantic model of the algorithm's own keys in the section ``[search]`` of a recipe.
     breeds_by : the operator by which the algorithm breeds from all parents of the recipe, see
-        `settings`; None if the recipe's mixture of operators breeds.
+        `settings`; None if the operators of the recipe breed the children.
     replays : whether a resumed run must replay the algorithm from the start, with calls of
         `settings` and `survivors` for each generation.
 
@@ -108,14 +108,14 @@ class Algorithm(ABC):
         marks."""
 
     def migrants(self, living: Living, count: int, rng: Rng) -> list[Individual]:
-        """Select at most ``count`` of the ``living`` individuals, sorted best first, that may live
-        on another island, too; by default the best individuals."""
+        """Select at most ``count`` of the ``living`` individuals, sorted best first, for copies on
+        another island; by default, select the best individuals."""
         return list(living[:count])
 
     @abstractmethod
     def parents(self, living: Living, count: int, rng: Rng) -> list[int]:
-        """Select ``count`` of the ``living`` individuals as parents, and return their indices,
-        which differ if enough individuals live."""
+        """Select ``count`` of the ``living`` individuals as parents, and return their indices; all
+        indices differ if enough individuals live."""
 
 
 def one_goal_faults(algorithm: str, goals: int) -> list[Fault]:

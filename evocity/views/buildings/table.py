@@ -40,7 +40,7 @@ class Buildings:
     sides : int64 ``(n,)``: sides of pixels along its outline, px. Use only their shares: sides
         overstate a wall's length by up to 41 %.
     shared : int64 ``(n,)``: the sides that face another building, its party walls, px.
-    metres_per_pixel : side of a pixel, metres.
+    metres_per_pixel : length of a pixel's side, metres.
 
     Arrays are read-only. The table takes about 1.7 ms for a dense 256² map, 3 ms with rough roofs
     from decoding. Columns computed at first access (`courtyards`, and the shapes `hull_area`,
