@@ -138,10 +138,10 @@ class CanaryMeter:
         return int(Path(f"/proc/{pid}/schedstat").read_text().split()[0]) / 1e9
 
 
-def demo(folder: Path, name: str, guarded: bool = True, **changes) -> Path:
-    """Write the demonstration's recipe with other numbers, and with or without its bounds; return
-    its path."""
-    text = (ROOT / "evocity/data/recipes/demo.toml").read_text(encoding="utf-8")
+def demo(folder: Path, name: str, guarded: bool = True, checkout: Path = ROOT, **changes) -> Path:
+    """Write the demonstration's recipe of a checkout with other numbers, and with or without its
+    bounds; return its path."""
+    text = (checkout / "evocity/data/recipes/demo.toml").read_text(encoding="utf-8")
     text = text if guarded else text.split("# A guard:")[0]
     for key, value in changes.items():
         lines = [
@@ -190,7 +190,11 @@ def profile(folder: Path, wanted: int) -> None:
 
 def sizes(folder: Path, beside: Path) -> None:
     small = {"pixels": 64, "metres_per_pixel": 8.0, "population": 8, "generations": 70}
-    recipes = [demo(folder, "short run", generations=3), demo(folder, "long run", False, **small)]
+    # the older evocity does not know the measures of later recipes
+    recipes = [
+        demo(folder, "short run", checkout=beside, generations=3),
+        demo(folder, "long run", False, beside, **small),
+    ]
     found = []
     for name, checkout in (("beside", beside), ("this", ROOT)):
         place = folder / name
