@@ -182,6 +182,9 @@ def _parents(
     from evocity.io.map_reader import options_of
 
     given = {key: value for key, value in of_files.items() if value is not None}
+    terrain = given.get("terrain")
+    if isinstance(terrain, str):
+        given["terrain"] = _path_from(folder, terrain)
     takes = [options_of(source) | {"default_height"} for source in maps]
     for key in given:
         if not any(key in options for options in takes):

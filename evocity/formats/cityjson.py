@@ -37,6 +37,7 @@ def cityjson(groups: Sequence[Group], about: About) -> str:
     number = number_rows(corners)
     vertices = np.empty((number.max(initial=-1) + 1, 3), np.int64)
     vertices[number] = corners
+    corner, vertices = _placed(vertices, about)
     of_levels = np.split(number, np.cumsum([len(level) for level in levels]))[1:-1]
     objects, first = [], _scene_attributes(about)
     for k, group in enumerate(groups):
@@ -48,19 +49,37 @@ def cityjson(groups: Sequence[Group], about: About) -> str:
     document = {
         "type": "CityJSON",
         "version": "2.0",
-        "transform": {"scale": [SCALE] * 3, "translate": [*about.offset, 0.0]},
-        "metadata": _metadata(groups, about),
+        "transform": {"scale": [SCALE] * 3, "translate": [*corner, 0.0]},
+        "metadata": _metadata(vertices, corner, groups, about),
     }
     flat = iter(vertices.ravel().tolist())
     listed = ",".join([f"[{x},{y},{z}]" for x, y, z in zip(flat, flat, flat, strict=True)])
     return f'{_text(document)[:-1]},"CityObjects":{{{",".join(objects)}}},"vertices":[{listed}]}}'
 
 
-def _metadata(groups: Sequence[Group], about: About) -> dict:
-    (x, y), (wide, deep) = about.offset, about.size
+def _placed(vertices: np.ndarray, about: About) -> tuple[tuple[float, float], np.ndarray]:
+    """Return the corner from which the ``vertices`` count, and the vertices, in the file's
+    reference system."""
+    if about.grid is None or not len(vertices):
+        return about.offset, vertices
+    points = about.grid[1](vertices[:, :2] * SCALE + about.offset)
+    if not np.isfinite(points).all():
+        return about.offset, vertices
+    corner = np.floor(points.min(axis=0))
+    placed = np.round((points - corner) / SCALE).astype(np.int64)
+    return (float(corner[0]), float(corner[1])), np.column_stack([placed, vertices[:, 2]])
+
+
+def _metadata(
+    vertices: np.ndarray, corner: tuple[float, float], groups: Sequence[Group], about: About
+) -> dict:
+    (x, y), (wide, deep) = corner, about.size
+    if about.grid is not None and len(vertices):
+        wide, deep = (float(side) for side in vertices[:, :2].max(axis=0) * SCALE)
     top = max((float(group.heights.max()) for group in groups if len(group)), default=0.0)
     metadata = {"title": about.name, "geographicalExtent": [x, y, 0.0, x + wide, y + deep, top]}
-    if about.crs and (code := re.fullmatch(r"(\w+):(\w+)", about.crs)):
+    named = about.grid[0] if about.grid is not None else about.crs or ""
+    if code := re.fullmatch(r"(\w+):(\w+)", named):
         authority, number = code.groups()
         metadata["referenceSystem"] = f"https://www.opengis.net/def/crs/{authority}/0/{number}"
     return metadata

@@ -1,6 +1,6 @@
 """Solids as arrays: prisms on polygons, in metres from a local corner, and their triangles."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -19,6 +19,8 @@ class About:
 
     crs : its reference system, an authority code or a PROJ string, or None.
     offset, size : (x, y) of the local corner in ``crs``, or (0, 0); (x, y) of the ground, metres.
+    grid : for a ``crs`` without a code, a reference system with one, and the function that converts
+        float64 ``(n, 2)`` from ``crs`` to it; else None.
     window : for reading a map again: (x, y) of a square window's middle in ``crs``, and metres a
         pixel.
     """
@@ -30,6 +32,7 @@ class About:
     size: tuple[float, float]
     window: tuple[float, float, float]
     measures: Mapping[str, float] = field(default_factory=dict)
+    grid: tuple[str, Callable[[np.ndarray], np.ndarray]] | None = None
 
 
 @dataclass(frozen=True, eq=False)

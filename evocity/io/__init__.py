@@ -2,7 +2,14 @@
 
 - `map_reader`: `read_map`, and the table of readers `READERS`
 - `reader_types`: what a reader takes and returns
-- `geojson`, `cityjson`, `osm`, `vector`, `raster`: the readers
+- `geojson`, `cityjson`, `osm`, `overpass`, `vector`, `raster`, `ascii_grid`: the readers
+- `cityjson_objects`, `building_rest`: buildings of CityJSON; outlines outside their parts
+- `osm_elements`, `osm_areas`, `osm_parts`: buildings of OpenStreetMap
+- `raster_values`, `sidecars`: metres and missing pixels of rasters; the files beside them
+- `terrain`, `crowns`: elevations less the ground; rasters of trees
+- `account`: the count of a file's features, and why features are left out
+- `building_choice`, `underground`: the buildings among polygons, by their tags
+- `wkb_areas`: the areas of any geometry as they look from above
 - `geopackage_sql`: bounds for what a GeoPackage computes; `polygon_repair`: outlines that cross
   themselves
 - `heights`: the rules by which a building gets its height

@@ -1,10 +1,9 @@
-"""CityJSON (1.0 to 2.0): footprints from ground surfaces, or from the shadow of a solid.
+"""CityJSON (1.0 to 2.0), as one document, or as CityJSONSeq with a line for each feature.
 
-A building's footprint is, in this order: its surfaces that say ``GroundSurface``; its LoD 0
-geometry; all faces of its lowest level of detail, seen from above. Each part of a building counts
-as a building and inherits the attributes.
+`evocity.io.cityjson_objects` makes footprints and heights of the objects of a document or feature.
 """
 
+import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,55 +14,121 @@ from pyproj import CRS
 
 from evocity.errors import MapError
 from evocity.formats.cityjson import PLACE
-from evocity.io.polygon_repair import MOST, crossings
-from evocity.io.projection import WGS84, is_metric, parse_crs, plane, transform_points
+from evocity.formats.geojson_lines import MOST_MEMORY, parse_document
+from evocity.io.account import Account
+from evocity.io.building_rest import DEGREE
+from evocity.io.cityjson_objects import BESIDE, KINDS, Units, read_objects
+from evocity.io.projection import (
+    WGS84,
+    flat,
+    is_metric,
+    parse_whole_crs,
+    plane,
+    transform_points,
+    vertical_unit,
+)
 from evocity.io.reader_types import Footprints
 
-_KINDS = ("Building", "BuildingPart", "BuildingUnit")
-#: Other objects that stand on a map in evocity's own scenes.
-_BESIDE = ("CityFurniture", "SolitaryVegetationObject", "OtherConstruction")
+# The longest header of a CityJSONSeq, bytes.
+_LONGEST_HEADER = 1 << 20
 
-# how deep surfaces (lists of rings) lie in `boundaries`
-_DEPTH = {
-    "MultiSurface": 0,
-    "CompositeSurface": 0,
-    "Solid": 1,
-    "MultiSolid": 2,
-    "CompositeSolid": 2,
-}
+_FAULTS = (
+    *(TypeError, KeyError, IndexError, ValueError, AttributeError, OverflowError, RecursionError),
+    shapely.errors.GEOSException,
+)
 
 
 def read_cityjson(path: Path, document: dict) -> Footprints:
     """Read the buildings of a CityJSON document, each with ``solid_height`` among its tags."""
+    return _read_features(path, document, iter([(document, path.name)]))
+
+
+def has_cityjson_lines(path: Path) -> bool:
+    """Tell whether a file is a CityJSONSeq: its first line is a CityJSON document, with more
+    lines after it."""
+    with open(path, "rb") as file:
+        head = file.readline(_LONGEST_HEADER)
+        if b'"CityJSON"' not in head or not head.endswith(b"\n"):
+            return False
+        try:
+            document = json.loads(head)
+        except (ValueError, RecursionError):
+            return False
+        kind = document.get("type") if isinstance(document, dict) else None
+        return kind == "CityJSON" and any(not line.isspace() for line in file)
+
+
+def read_cityjson_lines(path: Path) -> Footprints:
+    """Read the buildings of a CityJSONSeq, feature by feature."""
+    lines = _lines(path)
+    header, name = next(lines)
+    return _read_features(path, header, _with_first(header, name, lines))
+
+
+def _lines(path: Path) -> Iterator[tuple[dict, str]]:
+    """Yield the document of each line, and its name in messages."""
+    with open(path, "rb") as file:
+        number = 0
+        while line := file.readline(MOST_MEMORY // 2):
+            number += 1
+            if not line.isspace():
+                name = f"{path.name}, line {number}"
+                yield parse_document(line, name), name
+
+
+def _with_first(
+    header: dict, name: str, lines: Iterator[tuple[dict, str]]
+) -> Iterator[tuple[dict, str]]:
+    """Yield the header, which may have objects too, and then the features."""
+    yield header, name
+    for feature, where in lines:
+        if feature.get("type") != "CityJSONFeature":
+            raise MapError(
+                f"{where}: the JSON has the type {str(feature.get('type'))[:40]!r}",
+                "a CityJSONFeature on each line after the first",
+                "export the file again as CityJSONSeq, or as one CityJSON document",
+            )
+        # features have the transform of the header
+        yield {**feature, "transform": header.get("transform")}, where
+
+
+def _read_features(path: Path, header: dict, features: Iterator[tuple[dict, str]]) -> Footprints:
+    polygons: list[shapely.Geometry] = []
+    tags: list[dict] = []
+    account, where = Account(), path.name
     try:
-        own = _scene_attributes(document.get("CityObjects") or {})
-        crs = _crs(path, document, own)
+        own = _scene_attributes(header.get("CityObjects") or {})
+        whole = _crs(path, header, own)
+        crs = flat(whole)
         window = _window(own, crs)
-        kinds = _KINDS + _BESIDE if own else _KINDS
-        vertices = _vertices(document)
-        objects = document["CityObjects"]
-        polygons, tags = [], []
-        for item in objects.values():
-            if item["type"] not in kinds:
-                continue
-            geometries = [g for g in item.get("geometry", []) if g["type"] in _DEPTH]
-            footprint = _footprint(geometries, vertices)
-            if footprint is None:
-                continue
-            polygons.append(footprint)
-            height = _extent(geometries, vertices)
-            tags.append({"solid_height": height} | _attributes(item, objects))
-    except (
-        *(TypeError, KeyError, IndexError, ValueError, AttributeError, OverflowError),
-        shapely.errors.GEOSException,
-    ) as error:
+        kinds = KINDS + BESIDE if own else KINDS
+        for feature, where in features:  # noqa: B007 (the errors below name it)
+            vertices = _vertices(feature, crs)
+            objects = feature["CityObjects"]
+            areas, more = read_objects(objects, vertices, _units(whole, vertices), kinds, account)
+            polygons += areas
+            tags += more
+    except _FAULTS as error:
         raise MapError(
-            f"{path.name}: the CityJSON cannot be read ({type(error).__name__}: {error})",
+            f"{where}: the CityJSON cannot be read ({type(error).__name__}: {error})",
             "CityJSON 1.0 to 2.0 with CityObjects, vertices and their geometry",
             "check the file with a CityJSON validator, or export it again",
         ) from error
     bare = bool(own) and not polygons
-    return Footprints(np.array(polygons, dtype=object), tags, crs, **window, bare=bare)
+    return Footprints(
+        np.array(polygons, dtype=object), tags, crs, **window, bare=bare, account=account
+    )
+
+
+def _units(crs: CRS, vertices: np.ndarray) -> Units:
+    """Return metres of a unit of x, y and z at the ``vertices``."""
+    if crs.is_geographic:
+        middle = math.radians(float(vertices[:, 1].mean())) if len(vertices) else 0.0
+        plan = DEGREE * np.array([max(math.cos(middle), 1e-6), 1.0])
+    else:
+        axes = flat(crs).axis_info
+        plan = np.full(2, axes[0].unit_conversion_factor if axes else 1.0)
+    return Units(plan, vertical_unit(crs))
 
 
 def _scene_attributes(objects: dict) -> dict:
@@ -74,13 +139,13 @@ def _scene_attributes(objects: dict) -> dict:
     return {}
 
 
-def _crs(path: Path, document: dict, own: dict):
-    """Parse the document's reference system; without one, metres without a place on Earth."""
-    named = document.get("metadata", {}).get("referenceSystem")
+def _crs(path: Path, document: dict, own: dict) -> CRS:
+    """Parse the document's reference system, with its heights; without one, a `plane`."""
+    named = (document.get("metadata") or {}).get("referenceSystem")
     if named is not None:
-        return parse_crs(named, f"{path.name}, metadata.referenceSystem")
+        return parse_whole_crs(named, f"{path.name}, metadata.referenceSystem")
     if PLACE[0] in own:
-        return parse_crs(own[PLACE[0]], f"{path.name}, {PLACE[0]}")
+        return parse_whole_crs(own[PLACE[0]], f"{path.name}, {PLACE[0]}")
     return plane()
 
 
@@ -91,6 +156,8 @@ def _window(own: dict, crs: CRS) -> dict:
     x, y = (float(number) for number in own[PLACE[1]])
     if not (math.isfinite(x) and math.isfinite(y)):
         raise ValueError(f"{PLACE[1]} is not finite")
+    if PLACE[0] in own:  # the map's own, where the file is in a zone with a code
+        crs = flat(parse_whole_crs(own[PLACE[0]], PLACE[0]))
     if not crs.is_engineering:
         x, y = transform_points(x, y, crs, WGS84)
     placed = {"projection": crs} if is_metric(crs) else {}
@@ -101,63 +168,15 @@ def _window(own: dict, crs: CRS) -> dict:
     } | placed
 
 
-def _vertices(document: dict) -> np.ndarray:
+def _vertices(document: dict, crs: CRS) -> np.ndarray:
     """Unpack the vertices by ``transform``: float64 ``(n, 3)``."""
     vertices = np.array(document["vertices"], dtype=float).reshape(-1, 3)
     if packing := document.get("transform"):
         vertices = vertices * packing["scale"] + packing["translate"]
     if not np.isfinite(vertices).all():
         raise ValueError("a vertex is NaN or infinite")
+    if crs.is_geographic and len(vertices):
+        x, y = np.abs(vertices[:, :2]).max(axis=0)
+        if x <= 90 < y:  # latitude first, in the order of the axes of EPSG codes
+            vertices = vertices[:, [1, 0, 2]]
     return vertices
-
-
-def _attributes(item: dict, objects: dict) -> dict:
-    inherited = {}
-    for parent in item.get("parents", [])[:1]:
-        inherited = objects.get(parent, {}).get("attributes", {})
-    return inherited | item.get("attributes", {})
-
-
-def _surfaces(geometry: dict) -> Iterator[tuple[list, str | None]]:
-    """Yield each surface (a list of rings of vertex indices) with its semantic type."""
-    semantics = geometry.get("semantics") or {}
-    types = [surface["type"] for surface in semantics.get("surfaces", [])]
-    pairs = [(geometry["boundaries"], semantics.get("values"))]
-    for _ in range(_DEPTH[geometry["type"]]):
-        pairs = [
-            (inner, None if values is None else values[i])
-            for boundaries, values in pairs
-            for i, inner in enumerate(boundaries)
-        ]
-    for boundaries, values in pairs:
-        for i, surface in enumerate(boundaries):
-            index = None if values is None else values[i]
-            yield surface, None if index is None else types[index]
-
-
-def _footprint(geometries: list[dict], vertices: np.ndarray) -> shapely.Geometry | None:
-    by_lod = sorted(geometries, key=lambda geometry: str(geometry.get("lod", "")))
-    ground = [s for g in by_lod[-1:] for s, kind in _surfaces(g) if kind == "GroundSurface"]
-    surfaces = ground or [s for g in by_lod[:1] for s, _ in _surfaces(g)]
-    areas = [area for surface in surfaces if (area := _project_down(surface, vertices))]
-    return shapely.union_all(areas) if areas else None
-
-
-def _project_down(surface: list, vertices: np.ndarray) -> shapely.Geometry | None:
-    rings = [vertices[np.asarray(ring, dtype=np.intp), :2] for ring in surface]
-    if not rings or any(len(ring) < 3 for ring in rings):
-        return None
-    polygon = shapely.Polygon(rings[0], rings[1:])
-    if polygon.area <= 1e-6:  # a wall
-        return None
-    if polygon.is_valid:
-        return polygon
-    if crossings(polygon) > MOST:
-        raise ValueError(f"a surface that crosses itself more than {MOST} times")
-    return polygon.buffer(0)
-
-
-def _extent(geometries: list[dict], vertices: np.ndarray) -> float:
-    """Measure metres from the lowest to the highest point, 0 for a flat footprint."""
-    used = [i for g in geometries for s, _ in _surfaces(g) for ring in s for i in ring]
-    return float(np.ptp(vertices[used, 2])) if used else 0.0

@@ -16,6 +16,7 @@ from evocity.io.map_reader import data_of, options_of
 from evocity.io.rasterization import crs_of, rasterize_onto
 from evocity.io.reader_types import Footprints, Grid, Request
 from evocity.io.resampling import placement_errors, resample_onto
+from evocity.io.terrain import above_ground
 
 
 def read_condensation(
@@ -33,8 +34,9 @@ def read_condensation(
     city : map to encode, or another map on the same grid.
     heights : number or file that gives the fixed heights; None uses the heights of ``city``. If
         ``heights`` is a number, all pixels of the condensation get this height, metres. A raster
-        file (GeoTIFF, NPY) gives heights in metres, and 0 for missing values. A file of footprints
-        gives heights according to the rules of `evocity.io.heights`, or 6 m if no rule applies.
+        file (GeoTIFF, ASCII grid, NPY) gives heights in metres, and 0 for missing values. A file of
+        footprints gives heights according to the rules of `evocity.io.heights`, or 6 m if no rule
+        applies.
 
     Raises
     ------
@@ -85,7 +87,7 @@ def _mask(source: str | os.PathLike, city: CityMap) -> tuple[np.ndarray, str]:
     data, name = data_of(source, request)
     if isinstance(data, Footprints):
         return ~np.isnan(rasterize_onto(city, data, name)), data.attribution
-    mask = _on_grid(data, city, name) > 0
+    mask = _on_grid(data, city, name) > 0  # NaN is not
     if not mask.any():
         raise MapError(
             f"{name}: the mask has no value above 0 on the map {city.name}",
@@ -107,7 +109,8 @@ def _heights(source: str | os.PathLike, city: CityMap) -> CityMap:
     if isinstance(data, Footprints):
         heights = np.nan_to_num(rasterize_onto(city, data, name))
     else:
-        heights = _on_grid(data, city, name)
+        flat = Request(terrain=0.0)  # a file of fixed heights needs no open ground
+        heights = _on_grid(above_ground(data, flat, name), city, name)
     return CityMap(heights, city.metres_per_pixel, name=name, attribution=data.attribution)
 
 

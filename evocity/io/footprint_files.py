@@ -4,7 +4,7 @@ also has the street graph. The files name the window, so that readers find it ag
 
 import json
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -187,6 +187,23 @@ def placement(city: CityMap) -> tuple[str | None, tuple[float, float]]:
     """Return a map's reference system, a code or PROJ string or None, and (x, y) of the middle of
     its window there."""
     return (portable_code(crs_of(city, city.name)) if is_placed(city) else None), _middle(city)
+
+
+def coded_grid(city: CityMap) -> tuple[str, Callable[[np.ndarray], np.ndarray]] | None:
+    """Return the code of the UTM zone of a map whose reference system has no code, and the function
+    that converts points ``(n, 2)`` of the map to it. None for maps with a code or without a place.
+    """
+    if not is_placed(city):
+        return None
+    own = crs_of(city, city.name)
+    if not code_of(own).startswith("PROJCRS"):
+        return None
+    lon, lat = transform_points(*_middle(city), own, WGS84)
+    if not (abs(lon) <= 180 and abs(lat) <= 84):
+        return None
+    code = f"EPSG:{(32600 if lat >= 0 else 32700) + int((lon + 180) // 6) % 60 + 1}"
+    zone = CRS.from_user_input(code)
+    return code, lambda points: np.column_stack(transform_points(*points.T, own, zone))
 
 
 def no_geojson(name: str) -> MapError:

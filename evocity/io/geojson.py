@@ -9,26 +9,36 @@ from pathlib import Path
 
 import numpy as np
 import shapely
+from pyproj import CRS
 
 from evocity.errors import MapError, is_number
 from evocity.formats.geojson_lines import read_document
-from evocity.io.cityjson import read_cityjson
-from evocity.io.projection import WGS84, is_metric, parse_crs
+from evocity.io.account import DEGENERATE, EMPTY, NO_POLYGON, Account
+from evocity.io.cityjson import has_cityjson_lines, read_cityjson, read_cityjson_lines
+from evocity.io.heights import check_columns, has_building_fields, is_building_name
+from evocity.io.overpass import is_overpass, read_overpass
+from evocity.io.projection import WGS84, is_metric, parse_crs, vertical_unit
 from evocity.io.reader_types import Footprints, Request
 
 
 def read_json(path: Path, request: Request) -> Footprints:
     """Read a GeoJSON or CityJSON file, by the document's own ``type``."""
+    if has_cityjson_lines(path):
+        return read_cityjson_lines(path)
     document = read_document(path)
+    if is_overpass(document):
+        return read_overpass(path, document)
     kind = document.get("type")
     if kind == "CityJSON":
         return read_cityjson(path, document)
     if kind == "FeatureCollection":
-        return _footprints(path, document, document.get("features"))
+        return _footprints(path, document, document.get("features"), request)
     if kind == "Feature":
-        return _footprints(path, document, [document])
+        return _footprints(path, document, [document], request)
     if kind in ("Polygon", "MultiPolygon", "GeometryCollection"):
-        return _footprints(path, {}, [{"geometry": document, "properties": {}}])
+        parts = document.get("geometries") if kind == "GeometryCollection" else [document]
+        features = [{"geometry": part} for part in parts] if isinstance(parts, list) else None
+        return _footprints(path, {}, features, request)
     raise MapError(
         f"{path.name}: the JSON has the type {kind!r}",
         "a GeoJSON FeatureCollection of polygons, or CityJSON",
@@ -36,23 +46,35 @@ def read_json(path: Path, request: Request) -> Footprints:
     )
 
 
-def _footprints(path: Path, document: dict, features: object) -> Footprints:
+def _footprints(path: Path, document: dict, features: object, request: Request) -> Footprints:
     if not isinstance(features, list):
         raise MapError(
             f"{path.name}: the member 'features' is not a list",
             "a GeoJSON FeatureCollection",
             "export the file again as GeoJSON",
         )
-    polygons, tags = [], []
+    polygons, tags, columns, account = [], [], set(), Account(len(features))
     for number, feature in enumerate(features):
         where = f"{path.name}, feature {number}"
         if not isinstance(feature, dict):
             raise _geometry_error(where, "it is not an object")
         geometry = feature.get("geometry")
         properties = feature.get("properties")
-        for polygon in _polygons(geometry, where):
-            polygons.append(polygon)
+        shapes = _Shapes(where)
+        shapes.add(geometry)
+        columns.update(properties if isinstance(properties, dict) else ())
+        if shapes.polygons:
+            several = len(shapes.polygons) > 1
+            polygons.append(
+                shapely.MultiPolygon(shapes.polygons) if several else shapes.polygons[0]
+            )
             tags.append(properties if isinstance(properties, dict) else {})
+            account.remark("degenerate rings left out", shapes.degenerate)
+        else:
+            empty = EMPTY if shapes.is_area else NO_POLYGON
+            account.drop(DEGENERATE if shapes.degenerate else empty)
+    check_columns(path.name, columns, (request.height_column, request.levels_column))
+    title = document.get("name")
     center, projection = _window(path, document.get("window"))
     attribution = document.get("attribution")
     return Footprints(
@@ -64,36 +86,52 @@ def _footprints(path: Path, document: dict, features: object) -> Footprints:
         projection=projection,
         side=_side(document.get("window")),
         bare=center is not None and not features,
+        of_buildings=has_building_fields(columns) or is_building_name(title),
+        height_unit=_height_unit(document.get("crs")),
+        account=account,
     )
 
 
-def _polygons(geometry: object, where: str) -> list[shapely.Geometry]:
-    """List the areas of a GeoJSON geometry: one for a Polygon or MultiPolygon."""
-    if geometry is None:
-        return []
-    try:
-        kind = geometry["type"]
-        if kind == "GeometryCollection":
-            return [part for inner in geometry["geometries"] for part in _polygons(inner, where)]
-        if kind == "Polygon":
-            return [_polygon(geometry["coordinates"], where)] if geometry["coordinates"] else []
-        if kind == "MultiPolygon":
-            parts = [_polygon(rings, where) for rings in geometry["coordinates"]]
-            return [shapely.MultiPolygon(parts)] if parts else []
-    except (TypeError, KeyError, IndexError, ValueError, OverflowError) as error:
-        raise _geometry_error(where, f"its geometry cannot be read ({error})") from error
-    return []  # points and lines are not buildings
+class _Shapes:
+    """The areas of a feature: ``polygons``, the number of ``degenerate`` rings, and whether the
+    geometry ``is_area``."""
 
+    def __init__(self, where: str):
+        self._where = where
+        self.polygons: list[shapely.Polygon] = []
+        self.degenerate, self.is_area = 0, False
 
-def _polygon(rings: list, where: str) -> shapely.Polygon:
-    shell, *holes = (shapely.linearrings(_ring(ring, where)) for ring in rings)
-    return shapely.polygons(shell, holes or None)
+    def add(self, geometry: object) -> None:
+        """Add the areas of a GeoJSON geometry. Raises `MapError`."""
+        if geometry is None:
+            return
+        try:
+            kind = geometry["type"]
+            if kind == "GeometryCollection":
+                for inner in geometry["geometries"]:
+                    self.add(inner)
+            elif kind == "Polygon":
+                self._add_polygon(geometry["coordinates"])
+            elif kind == "MultiPolygon":
+                self.is_area = True
+                for rings in geometry["coordinates"]:
+                    self._add_polygon(rings)
+        except (TypeError, KeyError, IndexError, ValueError, OverflowError) as error:
+            found = f"its geometry cannot be read ({error})"
+            raise _geometry_error(self._where, found) from error
+
+    def _add_polygon(self, rings: list) -> None:
+        self.is_area = True
+        points = [_ring(ring, self._where) for ring in rings]
+        lines = [shapely.linearrings(ring) if len(set(ring)) > 2 else None for ring in points]
+        self.degenerate += lines.count(None)
+        if lines and lines[0] is not None:
+            holes = [line for line in lines[1:] if line is not None]
+            self.polygons.append(shapely.polygons(lines[0], holes or None))
 
 
 def _ring(ring: list, where: str) -> list[tuple[float, float]]:
     points = [(float(point[0]), float(point[1])) for point in ring]
-    if len(set(points)) < 3:
-        raise _geometry_error(where, f"a ring of {len(set(points))} different points")
     if not all(math.isfinite(x) and math.isfinite(y) for x, y in points):
         raise _geometry_error(where, "a coordinate is NaN or infinite")
     return points
@@ -111,11 +149,19 @@ def parse_crs_member(path: Path, member: object):
     """Parse the ``crs`` member of GeoJSON; WGS84 without one. Raises `MapError`."""
     if member is None:
         return WGS84
+    return parse_crs(_crs_name(member), f"{path.name}, member 'crs'")
+
+
+def _crs_name(member: object) -> object:
     try:
-        name = member["properties"]["name"]
+        return member["properties"]["name"]
     except (TypeError, KeyError):
-        name = member
-    return parse_crs(name, f"{path.name}, member 'crs'")
+        return member
+
+
+def _height_unit(member: object) -> float:
+    """Return the metres of a unit of height in the valid ``crs`` member of GeoJSON."""
+    return 1.0 if member is None else vertical_unit(CRS.from_user_input(_crs_name(member)))
 
 
 def _window(path: Path, window: object):

@@ -1,6 +1,7 @@
 """`read_map`: chooses the reader by the suffix, and the window; and the table of readers."""
 
 import dataclasses
+import math
 import os
 from collections.abc import Callable
 from functools import cache
@@ -9,14 +10,19 @@ from importlib.metadata import EntryPoint
 from pathlib import Path
 
 from evocity.citymap import MAX_SIDE, PIXEL_SIDES, CityMap
-from evocity.errors import MapError, check_number, keyword, reason_of, setting
+from evocity.errors import MapError, check_number, is_number, keyword, reason_of, setting
 from evocity.io import bundled_cities
 from evocity.io.rasterization import rasterize_footprints
 from evocity.io.reader_types import Footprints, Grid, Reader, Request, content_of
 from evocity.io.resampling import map_of_grid
+from evocity.io.terrain import above_ground
 from evocity.plugins import load_plugins, origin_of
 
-_PLAIN, _LAYERED, _SCALED = frozenset(), frozenset({"layer"}), frozenset({"height_scale"})
+_PLAIN = frozenset({"height_column", "levels_column"})
+_LAYERED = _PLAIN | {"layer"}
+_SCALED = frozenset({"height_scale", "nodata", "terrain"})
+# The options that only some readers take.
+_SPECIAL = ("layer", "height_scale", "height_column", "levels_column", "nodata", "terrain")
 
 
 class _LazyReader:
@@ -51,6 +57,8 @@ READERS: dict[str, Reader] = {
     ".json": _JSON,
     ".city.json": _JSON,
     ".cityjson": _JSON,
+    ".city.jsonl": _JSON,
+    ".jsonl": _JSON,
     ".gpkg": Reader(_read_layers, "SQLite (GeoPackage)", _LAYERED),
     ".shp": Reader(_read_layers, "Shapefile", _LAYERED),
     ".osm": Reader(_read_osm, "OSM XML", _PLAIN),
@@ -60,6 +68,7 @@ READERS: dict[str, Reader] = {
     ".pbf": _PBF,
     ".tif": _TIFF,
     ".tiff": _TIFF,
+    ".asc": Reader(_LazyReader("ascii_grid", "read_asc"), "ASCII grid", _SCALED),
     ".png": Reader(_LazyReader("raster", "read_png"), "PNG", _SCALED),
     ".npy": Reader(_LazyReader("raster", "read_npy"), "NPY", _SCALED),
 }
@@ -89,19 +98,24 @@ def read_map(
     layer: str | None = None,
     default_height: float = 6.0,
     height_scale: float | None = None,
+    nodata: float | None = None,
+    terrain: str | os.PathLike | float | None = None,
     name: str | None = None,
     attribution: str | None = None,
+    height_column: str | None = None,
+    levels_column: str | None = None,
 ) -> CityMap:
     """Read a map from a file, or read one of the districts that `cities` lists.
 
     Parameters
     ----------
     source : path, or name of a bundled district. The suffix of the file chooses the reader
-        (`READERS`): GeoJSON, CityJSON, GeoPackage, Shapefile, OSM XML and PBF, GeoTIFF, PNG, NPY.
+        (`READERS`): GeoJSON, CityJSON, GeoPackage, Shapefile, OSM XML and PBF, GeoTIFF, ESRI ASCII
+        grid, PNG, NPY.
     pixels : number of pixels along each side of the square window. By default, the window has 256 ×
         256 px for a file of footprints, and covers a raster completely.
     metres_per_pixel : length of a pixel's side, metres. By default, footprints get pixels of 2.0 m,
-        and a GeoTIFF keeps its own pixel size. PNG and NPY files require the option
+        and a GeoTIFF or ASCII grid keeps its own pixel size. PNG and NPY files require the option
         ``metres_per_pixel``.
     center : centre of the window, ``(longitude, latitude)``. By default, the centre comes from the
         ``window`` member of a GeoJSON file. Without a ``window`` member, the centre is the middle
@@ -110,23 +124,32 @@ def read_map(
         buildings.
     default_height : height of a building to which no height rule applies, metres (see
         `evocity.io.heights`).
-    height_scale : metres per grey level (required for PNG), or per unit (GeoTIFF, NPY).
+    height_scale : metres per grey level (required for PNG), or per unit (other rasters).
+    nodata : value of missing pixels in a raster that declares no such value, in units of the file.
+        Missing pixels are ground. The value also applies to a terrain.
+    terrain : raster of the ground (DTM) that is subtracted from a raster of elevations (DSM), or
+        the elevation of flat ground in metres; 0 states that the heights are above ground. The
+        terrain needs the reference system of the raster, and values for 99 % of its pixels.
     name : name of the map; by default the name of the district, or of the file.
     attribution : credit that the licence of the source demands, at most 1000 characters; this
         argument replaces the file's own credit. For a bundled district, the argument
         ``attribution`` has no effect.
+    height_column : column or tag of footprints with the heights of buildings, metres. Where the
+        column has no height, the usual rules apply.
+    levels_column : column or tag of footprints with the storeys of buildings; a storey is 3 m high.
 
     Returns
     -------
-    CityMap : map whose pixels measure true metres on the ground. Footprints are projected to the
-        metric projection that the file names, by default to a transverse Mercator projection about
-        the centre. A raster keeps its pixels if they are square, have the requested size, and
-        measure true metres on the ground.
+    CityMap : map whose pixels measure true metres on the ground. Footprints keep the projection of
+        the file if its lengths in the window are right within .1 %; else they are projected to a
+        transverse Mercator projection about the centre. A raster keeps its pixels if they are
+        square, have the requested size, and measure true metres on the ground.
 
     Raises
     ------
     MapError : the file cannot be read, the window has no buildings, or the window lies beyond the
-        raster.
+        raster. Heights of more than 1000 m or less than -100 m raise MapError, and so do elevations
+        without a terrain: fewer than 5 % of the pixels lie within 0.5 m of 0.
     """
     request = Request(
         pixels=_check_count(pixels),
@@ -136,13 +159,18 @@ def read_map(
         default_height=_check_positive("default_height", default_height),
         height_scale=_check_positive("height_scale", height_scale),
         name=name,
+        height_column=_check_column("height_column", height_column),
+        levels_column=_check_column("levels_column", levels_column),
+        nodata=_check_finite("nodata", nodata),
+        terrain=_check_terrain(terrain),
     )
     data, stem = data_of(source, request)
     if attribution is not None and not _locate(source)[1]:
         data = dataclasses.replace(data, attribution=_check_line("attribution", attribution))
     if isinstance(data, Footprints):
         return rasterize_footprints(data, request, name or stem)
-    return map_of_grid(data, request, name or data.name or stem)
+    name = name or data.name or stem
+    return map_of_grid(above_ground(data, request, name, _terrain_reader(request)), request, name)
 
 
 def data_of(source: str | os.PathLike, request: Request) -> tuple[Footprints | Grid, str]:
@@ -158,6 +186,24 @@ def data_of(source: str | os.PathLike, request: Request) -> tuple[Footprints | G
     return data, path.name[: -len(suffix)]
 
 
+def _terrain_reader(request: Request) -> Callable[[str], tuple[Grid, str]]:
+    """Return a function that reads a terrain; it raises `MapError` for a file without a grid."""
+
+    def read(terrain: str) -> tuple[Grid, str]:
+        if "terrain" not in options_of(terrain):
+            raise MapError(
+                f"the terrain {Path(terrain).name} is not a raster",
+                "a raster of elevations of the ground, in metres",
+                f"give a GeoTIFF or an ASCII grid as {keyword('terrain')}",
+            )
+        data, _ = data_of(terrain, Request(nodata=request.nodata, terrain=terrain))
+        if isinstance(data, Footprints):
+            raise TypeError(f"the reader of {terrain} returned footprints")
+        return data, Path(terrain).name
+
+    return read
+
+
 def name_of(source: str | os.PathLike) -> str:
     """Find the default name of a map: the name in a GeoTIFF, or else the file's name without
     suffix. Raises `MapError` for the same reasons as `read_map`."""
@@ -168,7 +214,7 @@ def name_of(source: str | os.PathLike) -> str:
 
 
 def options_of(source: str | os.PathLike) -> frozenset[str]:
-    """Tell which of ``layer`` and ``height_scale`` the reader of a file takes."""
+    """Tell which options for certain formats the reader of a file takes, see `Reader.takes`."""
     return _reader_of(_locate(source)[0])[1].takes
 
 
@@ -218,6 +264,14 @@ def _check_line(name: str, text: object) -> str:
             f"leave {keyword(name)} out to use the file's own",
         )
     return text.strip()
+
+
+def _check_column(option: str, column: object) -> str | None:
+    if column is None or (isinstance(column, str) and column.strip()):
+        return column
+    raise MapError(
+        setting(option, column), "the name of a column", f"leave {keyword(option)} out to use rules"
+    )
 
 
 def _locate(source: str | os.PathLike) -> tuple[Path, str]:
@@ -275,7 +329,7 @@ def _reader_of(path: Path) -> tuple[str, Reader]:
 
 
 def _check_options(path: Path, suffix: str, reader: Reader, request: Request) -> None:
-    for option in ("layer", "height_scale"):
+    for option in _SPECIAL:
         if getattr(request, option) is not None and option not in reader.takes:
             takers = [s for s in READERS if option in READERS[s].takes]
             raise MapError(
@@ -332,6 +386,26 @@ def _check_positive(option: str, value: object) -> float | None:
     expected = f"a positive number of metres, {low:g} to {high:g}"
     check_number(option, value, low, high, expected, MapError)
     return float(value)
+
+
+def _check_finite(option: str, value: float | None) -> float | None:
+    if value is None:
+        return None
+    check_number(option, value, -math.inf, math.inf, "a finite number", MapError)
+    return float(value)
+
+
+def _check_terrain(terrain: object) -> str | float | None:
+    """Return a terrain as a path or a number; raises `MapError` for other values."""
+    if terrain is None or is_number(terrain):
+        return _check_finite("terrain", terrain)
+    if isinstance(terrain, str | os.PathLike) and os.fspath(terrain):
+        return os.fspath(terrain)
+    raise MapError(
+        setting("terrain", terrain),
+        "the path of a raster, or an elevation in metres",
+        f"give for example {keyword('terrain', 'dtm.tif')}",
+    )
 
 
 def _check_place(center: object) -> tuple[float, float] | None:

@@ -2,53 +2,52 @@
 
 pyosmium reads the elements in three passes, so that they may come in any order; shapely assembles
 the areas. GDAL's driver and osmium's own assembler need nodes before ways, and lose some areas.
+XML that pyosmium misreads goes to `evocity.io.overpass`: edits of JOSM, and relations of Overpass.
 """
 
 import bz2
 import gzip
-import itertools
+import re
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
+from xml.parsers.expat import ExpatError
 
-import numpy as np
 import osmium
-import shapely
 
 from evocity.errors import MapError
 from evocity.io.heights import is_building
-from evocity.io.projection import WGS84
+from evocity.io.osm_areas import assemble_areas
+from evocity.io.osm_elements import Extract, Place
+from evocity.io.overpass import read_xml_elements
 from evocity.io.reader_types import Footprints, Request
-
-ATTRIBUTION = "© OpenStreetMap contributors"
-
-# A multipolygon with only these tags has those of its outer way: the custom before 2017.
-_SILENT_TAGS = {"type", "source", "created_by", "note", "fixme"}
 
 _FORMATS = ("pbf", "osm.gz", "osm.bz2", "osm")
 
 # A packed file may grow by this factor, and always up to so many bytes.
 _DENSEST, _LEAST_BOMB = 100, 1 << 26
 
-# The most ways of buildings, and nodes of these, in memory: about 2 GB.
-_MOST_WAYS, _MOST_NODES = 1_000_000, 6_000_000
-
 # libosmium's x of a node without a place, as in a deletion
 _NOWHERE = 2**31 - 1
 
-Places = dict[int, tuple[float, float]]  # lon, lat of node ids
-Way = tuple[list[int], dict[str, str]]  # node ids, tags
-Relation = tuple[list[tuple[int, str]], dict[str, str]]  # (way id, role) of members, tags
+# Marks of XML that libosmium misreads, and of an answer that Overpass cut off.
+_DELETION = re.compile(rb"""\saction\s*=\s*["']delete""")
+_CUT_OFF = re.compile(rb"<remark>\s*(runtime error[^<]{0,150})")
+_LONGEST_MARK = 256
+
+# libosmium's words for geometry that stands in elements where it expects none
+_OVERPASS = ("No element inside <member> allowed", "Unknown element in <")
 
 
 def read_osm(path: Path, request: Request) -> Footprints:
     """Read the buildings of an extract; the suffix of its name is its packing."""
     packing = next(known for known in _FORMATS if path.name.lower().endswith(known))
     try:
-        _check_unpacked(path, packing)
-        # absolute, for libosmium would hand a name like "http:a.osm" to curl
-        relations, ways, places = _elements(osmium.io.File(str(path.absolute()), packing))
+        edited = packing != "pbf" and _scan_xml(path, packing)
+        return assemble_areas(_read_extract(path, packing, edited))
     except (
-        *(RuntimeError, ValueError, OSError, EOFError, zlib.error),
+        *(RuntimeError, ValueError, OSError, EOFError, zlib.error, ExpatError),
         osmium.InvalidLocationError,
     ) as error:
         raise MapError(
@@ -56,87 +55,66 @@ def read_osm(path: Path, request: Request) -> Footprints:
             "a complete extract, as XML (.osm) or PBF (.osm.pbf)",
             "download the file again, because it may be cut off",
         ) from error
-    return _assemble(relations, ways, places)
 
 
-def _check_unpacked(path: Path, packing: str) -> None:
-    """Raise ValueError for a decompression bomb: XML of OpenStreetMap packs to a tenth."""
-    opened = {"osm.gz": gzip.open, "osm.bz2": bz2.open}.get(packing)
-    if opened is None:
-        return
+def _read_extract(path: Path, packing: str, edited: bool) -> Extract:
+    """Read an extract by pyosmium; XML that is ``edited``, or has elements of Overpass, by
+    `read_xml_elements`."""
+    if not edited:
+        try:
+            # absolute, for libosmium would hand a name like "http:a.osm" to curl
+            return _read_elements(osmium.io.File(str(path.absolute()), packing))
+        except RuntimeError as error:
+            if packing == "pbf" or not str(error).startswith(_OVERPASS):
+                raise
+    with _open(path, packing) as file:
+        return read_xml_elements(file)
+
+
+def _open(path: Path, packing: str) -> IO[bytes]:
+    opened: dict = {"osm.gz": gzip.open, "osm.bz2": bz2.open}
+    return opened.get(packing, open)(path, "rb")
+
+
+def _scan_xml(path: Path, packing: str) -> bool:
+    """Tell whether XML marks elements as deleted. Raises ValueError for a decompression bomb (XML
+    of OpenStreetMap packs to a tenth), and for an answer that Overpass cut off."""
     most, size = max(_LEAST_BOMB, _DENSEST * path.stat().st_size), 0
-    with opened(path) as file:
+    edited, rest = False, b""
+    with _open(path, packing) as file:
         while content := file.read(1 << 20):
             size += len(content)
-            if size > most:
+            if packing != "osm" and size > most:
                 raise ValueError(f"more than {most >> 20} MiB in {path.stat().st_size} bytes")
+            content = rest + content
+            edited = edited or _DELETION.search(content) is not None
+            if match := _CUT_OFF.search(content):
+                raise ValueError(f"Overpass ended with {match[1].decode(errors='replace')!r}")
+            rest = content[-_LONGEST_MARK:]
+    return edited
 
 
-def _elements(file: osmium.io.File) -> tuple[list[Relation], dict[int, Way], Places]:
-    """Read what may belong to buildings: relations, ways by id, the places of the ways' nodes."""
-    relations, ways, places, count = [], {}, {}, 0
+def _read_elements(file: osmium.io.File) -> Extract:
+    """Read relations, then the ways that may belong to buildings, then the places of nodes."""
+    extract = Extract()
     for relation in osmium.FileProcessor(file, osmium.osm.RELATION):
-        tags = dict(relation.tags)
-        relevant = is_building(tags) or _SILENT_TAGS.issuperset(tags)
-        if relevant and tags.get("type") == "multipolygon":
-            members = [(way.ref, way.role) for way in relation.members if way.type == "w"]
-            relations.append((members, tags))
-            count += len(members)
-            _check_room(0, count)
-    in_relations = {way for members, _ in relations for way, _ in members}
+        members = [(way.ref, way.role) for way in relation.members if way.type == "w"]
+        extract.take_relation(relation.id, dict(relation.tags), members, relation.deleted)
     for way in osmium.FileProcessor(file, osmium.osm.WAY):
-        if way.id in in_relations or is_building(way.tags):
-            ways[way.id] = [node.ref for node in way.nodes], dict(way.tags)
-            count += len(way.nodes)
-            _check_room(len(ways), count)
-    wanted = {node for nodes, _ in ways.values() for node in nodes}
-    empty = True
+        if way.deleted or way.id in extract.members or is_building(way.tags):
+            nodes = [*_nodes(way)]
+            extract.take_way(way.id, dict(way.tags), nodes, way.deleted)
+    extract.choose_nodes()
     for node in osmium.FileProcessor(file, osmium.osm.NODE):
         place = node.location
+        tags = dict(node.tags) if len(node.tags) else {}
         if place.x != _NOWHERE:
-            empty = False
-            if node.id in wanted:
-                places[node.id] = place.lon, place.lat
-    if empty:
-        raise ValueError("no nodes in it")
-    return relations, ways, places
+            extract.take_node(node.id, tags, node.deleted, lambda at=place: (at.lon, at.lat))
+    return extract
 
 
-def _check_room(ways: int, nodes: int) -> None:
-    """Raise ValueError for more ways or nodes than fit into memory."""
-    if ways > _MOST_WAYS or nodes > _MOST_NODES:
-        raise ValueError(
-            f"its buildings have more than {_MOST_WAYS} outlines, or {_MOST_NODES} corners; "
-            "cut it to the city: osmium extract --bbox"
-        )
-
-
-def _assemble(relations: list[Relation], ways: dict[int, Way], places: Places) -> Footprints:
-    polygons, tags, tagged_outers = [], [], set()
-    for members, own in relations:
-        known = [(way, role) for way, role in members if way in ways]
-        if not is_building(own):
-            outer = [way for way, role in known if role != "inner"]
-            own = next((t for w in outer if is_building(t := ways[w][1])), own)
-            tagged_outers.update(outer if is_building(own) else ())
-        if is_building(own):
-            lines = (_line(ways[way][0], places) for way, _ in known)
-            # the even-odd rule makes holes of the inner rings
-            area = shapely.build_area(
-                shapely.GeometryCollection([line for line in lines if line is not None])
-            )
-            if not area.is_empty:
-                polygons.append(area)
-                tags.append(own)
-    for way, (nodes, own) in ways.items():
-        if is_building(own) and way not in tagged_outers and nodes and nodes[0] == nodes[-1]:
-            line = _line(nodes, places)
-            if line is not None and len(line.coords) > 2:
-                polygons.append(shapely.Polygon(line))
-                tags.append(own)
-    return Footprints(np.array(polygons, dtype=object), tags, WGS84, ATTRIBUTION)
-
-
-def _line(nodes: list[int], places: Places) -> shapely.LineString | None:
-    points = [place for place, _ in itertools.groupby(places[n] for n in nodes if n in places)]
-    return shapely.LineString(points) if len(points) > 1 else None
+def _nodes(way) -> Iterator[int | Place]:
+    """Yield the nodes of a way: places that the way itself gives, otherwise ids."""
+    for node in way.nodes:
+        place = node.location
+        yield node.ref if place.x == _NOWHERE else (place.lon, place.lat)

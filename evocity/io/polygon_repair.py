@@ -13,6 +13,9 @@ from evocity.errors import MapError
 #: The most crossings to repair: of an outline, and of a file.
 MOST, MOST_IN_ALL = 20_000, 60_000
 
+# An outline is degenerate if its convex hull has at most this share of its length's square.
+_THINNEST = 1e-12
+
 # Pairs of sides in memory at once.
 _PAIRS = 1 << 20
 
@@ -39,6 +42,20 @@ def crossings(polygon: shapely.Geometry, most: int = MOST) -> int:
         if met > most:
             return most + 1
     return met
+
+
+def are_degenerate(polygons: np.ndarray) -> np.ndarray:
+    """Tell which of the ``polygons`` have no area, because all points of each of their parts lie on
+    a line: bool ``(n,)``. Empty polygons are not among them."""
+    with np.errstate(invalid="ignore"):
+        thin = ~(shapely.area(polygons) > _THINNEST * shapely.length(polygons) ** 2)
+    for at in np.flatnonzero(thin & ~shapely.is_empty(polygons)):
+        # a ring that crosses itself like an eight has the area 0, but its hull has an area
+        hulls = shapely.convex_hull(shapely.get_parts(polygons[at]))
+        lengths = shapely.length(hulls)
+        thin[at] = not (shapely.area(hulls) > _THINNEST * lengths**2).any()
+        thin[at] &= bool(np.isfinite(lengths).all())
+    return thin & ~shapely.is_empty(polygons)
 
 
 def repair_polygons(

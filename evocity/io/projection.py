@@ -20,6 +20,9 @@ WGS84 = CRS.from_epsg(4326)
 #: A projection is true to scale if its lengths are right within this share.
 SCALE_TOLERANCE = 0.005
 
+#: Footprints keep a projection whose lengths in the window are right within this share.
+KEPT_TOLERANCE = 0.001
+
 
 def local_metres(lon: float, lat: float) -> CRS:
     """Make the transverse Mercator projection with its origin at a place and scale 1 there."""
@@ -39,8 +42,13 @@ def plane() -> CRS:
 
 
 def parse_crs(text: object, where: str) -> CRS:
-    """Parse the reference system that a file names, made two-dimensional: codes (``EPSG:2154``, OGC
-    names and addresses) and plain PROJ strings only, since other PROJ strings may name files."""
+    """Parse the reference system that a file names, made two-dimensional; see `parse_whole_crs`."""
+    return flat(parse_whole_crs(text, where))
+
+
+def parse_whole_crs(text: object, where: str) -> CRS:
+    """Parse the reference system that a file names: codes (``EPSG:2154``, OGC names and addresses)
+    and plain PROJ strings only, since other PROJ strings may name files."""
     try:
         if not isinstance(text, str):
             raise ProjError("not a text")
@@ -48,7 +56,9 @@ def parse_crs(text: object, where: str) -> CRS:
             text = f"{match[1]}:{match[2]}"
         if not re.fullmatch(r"[A-Za-z]+:[\w.:]+|\+proj=[\w\s+=.,-]+", text):
             raise ProjError("neither a code nor a plain PROJ string")
-        return flat(CRS.from_user_input(text))
+        crs = CRS.from_user_input(text)
+        flat(crs)  # which may fail
+        return crs
     except ProjError as error:
         raise MapError(
             f"{where}: the reference system {str(text)[:80]!r} is unknown",
@@ -90,17 +100,54 @@ def is_metric(crs: CRS) -> bool:
     )
 
 
-def is_true_to_scale(crs: CRS, lon: float, lat: float) -> bool:
-    """Tell whether lengths are right within `SCALE_TOLERANCE` at a place, along x and along y, by
+def is_true_to_scale(crs: CRS, lon: float, lat: float, tolerance: float = SCALE_TOLERANCE) -> bool:
+    """Tell whether lengths are right within a ``tolerance`` at a place, along x and along y, by
     geodesics of 100 m. EPSG:3857 is wrong everywhere; UTM and national grids are right."""
+    return scale_error(crs, lon, lat) <= tolerance
+
+
+def scale_error(crs: CRS, lon: float, lat: float) -> float:
+    """Measure by which share lengths of 100 m are wrong at a place, the worse of x and y; infinite
+    beyond the range of the projection."""
+    x, y = transform_points(lon, lat, WGS84, crs)
+    if not (math.isfinite(x) and math.isfinite(y)):
+        return math.inf
+    lons, lats = transform_points([x, x + 100, x], [y, y, y + 100], crs, WGS84)
+    if not np.isfinite([lons, lats]).all():
+        return math.inf
+    _, _, lengths = WGS84.get_geod().inv([lons[0]] * 2, [lats[0]] * 2, lons[1:], lats[1:])
+    return float(np.abs(np.array(lengths) / 100 - 1).max())
+
+
+def can_keep(crs: CRS, lon: float, lat: float, side: float) -> bool:
+    """Tell whether a window of ``side`` metres about a place can keep a reference system: it has
+    metres, x to the east and y to the north, a code or a plain PROJ string, and lengths right
+    within `KEPT_TOLERANCE` in all of the window."""
+    if not is_metric(crs) or {axis.direction for axis in crs.axis_info[:2]} != {"east", "north"}:
+        return False
+    if portable_code(crs) is None:
+        return False
     x, y = transform_points(lon, lat, WGS84, crs)
     if not (math.isfinite(x) and math.isfinite(y)):
         return False
-    lons, lats = transform_points([x, x + 100, x], [y, y, y + 100], crs, WGS84)
-    if not np.isfinite([lons, lats]).all():
-        return False
-    _, _, lengths = WGS84.get_geod().inv([lons[0]] * 2, [lats[0]] * 2, lons[1:], lats[1:])
-    return bool(np.abs(np.array(lengths) / 100 - 1).max() <= SCALE_TOLERANCE)
+    steps = np.array([-0.5, 0, 0.5]) * side
+    places = transform_points(
+        *(axis.ravel() for axis in np.meshgrid(x + steps, y + steps)), crs, WGS84
+    )
+    return all(is_true_to_scale(crs, *place, KEPT_TOLERANCE) for place in zip(*places, strict=True))
+
+
+def vertical_unit(crs: CRS) -> float:
+    """Return the metres of a unit of height in a reference system: of its vertical axis; without
+    one that of its horizontal axes; 1 for degrees."""
+    for part in reversed(crs.sub_crs_list if crs.is_compound else [crs]):
+        if part.is_bound:
+            part = part.source_crs
+        axes = part.axis_info
+        upwards = [axis for axis in axes if axis.direction in ("up", "down")]
+        if upwards or part.is_projected:
+            return float((upwards or axes)[0].unit_conversion_factor)
+    return 1.0
 
 
 def transform_points(x, y, source: CRS, target: CRS):
@@ -110,6 +157,8 @@ def transform_points(x, y, source: CRS, target: CRS):
 
 def transform_polygons(polygons: np.ndarray, source: CRS, target: CRS) -> np.ndarray:
     """Convert ``polygons`` of ``source`` to ``target``."""
+    if source == target:
+        return polygons
     transformer = _transformer(source, target)
     return shapely.transform(
         polygons, lambda points: np.column_stack(transformer.transform(*points.T))

@@ -1,6 +1,7 @@
 """Readers of rasters of heights: GeoTIFF, grey PNG, NPY."""
 
 import contextlib
+import math
 import sys
 import warnings
 import zlib
@@ -21,12 +22,16 @@ from rasterio.windows import Window
 from evocity.errors import MapError, keyword
 from evocity.io.geotiff_seal import check_seal
 from evocity.io.projection import flat
+from evocity.io.raster_values import RasterValues, is_value
 from evocity.io.reader_types import Grid, Request, check_size
+from evocity.io.resampling import compose
+from evocity.io.sidecars import BandNotes, read_mask, read_notes
 
 #: Tag with the pixel size of a GeoTIFF without a reference system.
 PIXEL_TAG = "METRES_PER_PIXEL"
 
-# No sidecar files: they may point anywhere. Each block is read once, so the cache is small (bytes).
+# GDAL opens no sidecar files, which may point anywhere: see `evocity.io.sidecars`.
+# Each block is read once, so the cache is small (bytes).
 _ENVIRONMENT = {
     "GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR",
     "GDAL_PAM_ENABLED": "NO",
@@ -36,13 +41,24 @@ _ENVIRONMENT = {
 # Pixels per read.
 _AT_ONCE = 1 << 22
 
-_FEET = {"ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "us-ft": 1200 / 3937}
+#: Description of the band of a map, which says that its heights are above ground.
+HEIGHTS_TITLE = "height above ground"
+
+# Metres of the units of a band, by their names in small letters.
+_UNITS = {
+    **dict.fromkeys(("m", "metre", "metres", "meter", "meters"), 1.0),
+    **dict.fromkeys(("ft", "foot", "feet", "international foot"), 0.3048),
+    **dict.fromkeys(("us-ft", "us survey foot", "us survey feet", "ftus", "foot us"), 1200 / 3937),
+    **dict.fromkeys(("dm", "decimetre", "decimeter"), 0.1),
+    **dict.fromkeys(("cm", "centimetre", "centimeter"), 0.01),
+    **dict.fromkeys(("mm", "millimetre", "millimeter"), 0.001),
+}
 
 
 def read_geotiff(path: Path, request: Request) -> Grid:
-    """Read the one band of heights of a GeoTIFF; nodata, NaN and negative values are ground. It
-    applies the band's own scale, offset and feet, and multiplies by ``height_scale``. A sealed file
-    must have the bytes that evocity wrote."""
+    """Read the one band of heights of a GeoTIFF; missing pixels are NaN. It applies the mask,
+    nodata, scale, offset and unit of the file and of its sidecars, and multiplies by
+    ``height_scale``. A sealed file must have the bytes that evocity wrote."""
     try:
         check_seal(path)
         with (
@@ -55,15 +71,16 @@ def read_geotiff(path: Path, request: Request) -> Grid:
             band = _height_band(path, source)
             if "complex" in source.dtypes[band - 1]:
                 raise _no_heights(path, "complex numbers")
-            scale, offset = source.scales[band - 1], source.offsets[band - 1]
-            unit = _FEET.get((source.units[band - 1] or "").lower(), 1.0)
-            factor = scale * unit * (request.height_scale or 1.0)
-            ground = _ground(source, band, factor, offset * unit * (request.height_scale or 1.0))
-            crs, transform, tags = source.crs, source.transform, source.tags()
+            notes = read_notes(path, band)
+            crs = notes.crs if source.crs is None else CRS.from_wkt(source.crs.to_wkt())
+            unit, note = _unit(notes.unit or source.units[band - 1] or "", crs, request)
+            values = _values(path, source, band, request, notes, unit)
+            transform, tags = source.transform, source.tags()
+            declared = source.descriptions[band - 1] == HEIGHTS_TITLE
+            side = _number(tags.get(PIXEL_TAG))
             if crs is not None:
                 _check_transform(path, transform)
-                crs = flat(CRS.from_wkt(crs.to_wkt()))
-                crs = crs if crs.is_projected or crs.is_geographic else None
+                crs, transform, side = _placed(flat(crs), transform, side)
     except (RasterioError, CPLE_BaseError, OSError, ValueError, ProjError) as error:
         raise MapError(
             f"{path.name} cannot be read as GeoTIFF: {error.__cause__ or error}",
@@ -71,32 +88,78 @@ def read_geotiff(path: Path, request: Request) -> Grid:
             "download or export the file again, because it may be cut off",
         ) from error
     return Grid(
-        heights=ground,
+        heights=values.metres,
         crs=crs,
         transform=transform,
-        metres_per_pixel=_number(tags.get(PIXEL_TAG)),
+        metres_per_pixel=side,
         attribution=tags.get("ATTRIBUTION") or tags.get("TIFFTAG_COPYRIGHT") or "",
         name=tags.get("NAME"),
+        above_ground=declared,
+        fault=None if declared else values.fault,
+        note=note,
     )
 
 
-def _ground(source: rasterio.DatasetReader, band: int, factor: float, offset: float) -> np.ndarray:
-    """Read metres of a ``band``, float32 ``(H, W)``, some rows at a time: in float64 large rasters
-    would fill gigabytes."""
+def _placed(
+    crs: CRS, transform: Affine, side: float | None
+) -> tuple[CRS | None, Affine, float | None]:
+    """Return the reference system if it has a place on Earth; else None, and the transform and the
+    side of a pixel in metres, if its unit is a length."""
+    if crs.is_projected or crs.is_geographic:
+        return crs, transform, side
+    factors = {axis.unit_conversion_factor for axis in crs.axis_info}
+    if not crs.is_engineering or len(factors) != 1 or 0 in factors:
+        return None, transform, side
+    transform = compose(Affine.scale(factors.pop()), transform)
+    return None, transform, math.sqrt(abs(transform.determinant))
+
+
+def _unit(named: str, crs: CRS | None, request: Request) -> tuple[float, str]:
+    """Return the metres of one unit of a band, and a note. The unit is the ``named`` one of the
+    band, else that of the vertical axis, else feet if x and y are in feet; ``height_scale``
+    replaces this last guess."""
+    known = _UNITS.get(named.lower().replace("_", " "))
+    if known is not None or crs is None:
+        return known or 1.0, ""
+    axes, axis = crs.axis_info, None
+    if len(axes) == 3:
+        axis = axes[2]
+    elif crs.is_projected and request.height_scale is None:
+        axis = axes[0]
+    if axis is None or not 0.3 < axis.unit_conversion_factor < 0.31:
+        return 1.0, ""
+    note = f"heights in {axis.unit_name}, the unit of the reference system"
+    return axis.unit_conversion_factor, note
+
+
+def _values(
+    path: Path,
+    source: rasterio.DatasetReader,
+    band: int,
+    request: Request,
+    notes: BandNotes,
+    unit: float,
+) -> RasterValues:
+    """Read metres of a ``band``, some rows at a time: in float64 large rasters would fill
+    gigabytes."""
     height, width = source.shape
-    ground = np.empty((height, width), np.float32)
+    scaled = unit * (request.height_scale or 1.0)
+    scale = source.scales[band - 1] if notes.scale is None else notes.scale
+    offset = source.offsets[band - 1] if notes.offset is None else notes.offset
+    values = RasterValues(path.name, source.shape, request, scale * scaled, offset * scaled)
+    mask = read_mask(path, source.shape)
     deep = source.block_shapes[band - 1][0]
     step = max(deep, _AT_ONCE // max(width, 1) // deep * deep)
     for top in range(0, height, step):
         rows = min(step, height - top)
-        heights = source.read(band, masked=True, window=Window(0, top, width, rows))
-        with np.errstate(all="ignore"):
-            if factor != 1.0 or offset != 0.0:
-                heights = heights.astype(np.float64) * factor + offset
-            ground[top : top + rows] = np.ma.filled(heights.astype(np.float32), np.float32(0))
-        part = ground[top : top + rows]
-        part[~(part > 0)] = 0
-    return ground
+        read = source.read(band, masked=True, window=Window(0, top, width, rows))
+        missing = np.ma.getmaskarray(read).copy()
+        if mask is not None:
+            missing |= mask[top : top + rows]
+        if notes.nodata is not None:
+            missing |= is_value(read.data, notes.nodata)
+        values.take(top, read.data, missing)
+    return values
 
 
 def _check_transform(path: Path, transform: Affine) -> None:
@@ -122,13 +185,15 @@ def read_png(path: Path, request: Request) -> Grid:
         _check_chunks(path)
         with warnings.catch_warnings(action="ignore"), Image.open(path, formats=["PNG"]) as image:
             check_size(path.name, image.height, image.width)
-            if image.mode not in ("1", "L", "I", "I;16"):
+            if image.mode not in ("1", "L", "I", "I;16", "LA"):
                 raise MapError(
                     f"{path.name} is a picture in colour ({image.mode})",
                     "a grey PNG of 8 or 16 bits whose levels are heights",
                     "read the .tif or .npy file of the map, or convert the picture to grey levels",
                 )
-            levels = np.asarray(image)
+            alpha = image.getchannel("A") if image.mode == "LA" else None
+            levels = np.asarray(image if alpha is None else image.getchannel("L"))
+            missing = None if alpha is None else np.asarray(alpha) == 0
     except MapError:
         raise
     except Exception as error:  # bombs of pixels and of text, and errors of damaged chunks
@@ -145,7 +210,10 @@ def read_png(path: Path, request: Request) -> Grid:
             f"give the height scale, for example {keyword('height_scale', scale)} if the "
             "highest level means 50 m",
         )
-    return Grid(levels.astype(np.float32) * np.float32(request.height_scale))
+    scale = float(np.float32(request.height_scale))
+    values = RasterValues(path.name, levels.shape, request, scale, filled=False)
+    values.take(0, levels, missing)
+    return Grid(values.metres, above_ground=False, fault=values.fault)
 
 
 def _check_chunks(path: Path) -> None:
@@ -180,8 +248,26 @@ def read_npy(path: Path, request: Request) -> Grid:
     if stored.ndim != 2 or stored.dtype.kind not in "biuf":
         raise _no_heights(path, f"{stored.dtype} of shape {stored.shape}")
     check_size(path.name, *stored.shape)
-    with np.errstate(over="ignore"):
-        return Grid(stored.astype(np.float32) * np.float32(request.height_scale or 1.0))
+    values = RasterValues(path.name, stored.shape, request, request.height_scale or 1.0)
+    step = max(1, _AT_ONCE // max(stored.shape[1], 1))
+    for top in range(0, len(stored), step):
+        values.take(top, np.asarray(stored[top : top + step]))
+    fault = _array_fault(path, values.metres, request) or values.fault
+    return Grid(values.metres, above_ground=False, fault=fault)
+
+
+def _array_fault(path: Path, metres: np.ndarray, request: Request) -> MapError | None:
+    """Make the error for an array without a value somewhere, or with heights below the ground."""
+    if request.terrain is not None:
+        return None
+    if request.nodata is None and not np.isfinite(metres).all():
+        found, remedy = "NaN or infinite values", f"give {keyword('nodata')}, or write 0 for ground"
+    elif (metres < 0).any():
+        found, remedy = "heights below ground", f"write 0 for ground, or give {keyword('terrain')}"
+    else:
+        return None
+    expected = "finite heights in metres, 0 or more"
+    return MapError(f"{path.name} holds {found}", expected, remedy)
 
 
 @contextlib.contextmanager

@@ -1,7 +1,6 @@
 """Rasterization of footprints to a `CityMap`: window, projection, heights, pixels."""
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -12,13 +11,19 @@ from rasterio.features import rasterize
 
 from evocity.citymap import CityMap
 from evocity.errors import MapError, keyword
-from evocity.io.heights import RULES, height_of, is_building
+from evocity.io.account import OUTSIDE, Account
+from evocity.io.building_choice import choose_buildings
+from evocity.io.heights import RULES, HeightRules, check_requested
 from evocity.io.polygon_repair import geometry_errors, repair_polygons
 from evocity.io.projection import (
+    KEPT_TOLERANCE,
     WGS84,
+    can_keep,
     code_of,
+    is_metric,
     is_true_to_scale,
     local_metres,
+    scale_error,
     transform_points,
     transform_polygons,
 )
@@ -45,16 +50,17 @@ def rasterize_footprints(footprints: Footprints, request: Request, name: str) ->
 def _rasterize_window(
     footprints: Footprints, request: Request, name: str, pixels: int, side: float
 ) -> CityMap:
-    polygons, tags = _buildings(footprints, name, footprints.bare and request.center is None)
+    or_none = footprints.bare and request.center is None
+    polygons, tags, account = choose_buildings(footprints, name, or_none)
+    rules = _height_rules(footprints, request, name)
+    strayed = ""
     if footprints.crs.is_engineering:
         crs, named, (x, y) = None, None, _local_center(polygons, footprints, request, name)
     else:
         places = _places(polygons, footprints, name) if tags else None
         named = request.center or footprints.center
         center = named or places.middle
-        crs = footprints.projection
-        if crs is None or not is_true_to_scale(crs, *center):
-            crs = local_metres(*center)
+        crs, strayed = _choose_projection(footprints, center, pixels * side)
         x, y = transform_points(*center, WGS84, crs)
         polygons = transform_polygons(polygons, footprints.crs, crs)
     half = pixels * side / 2
@@ -66,8 +72,7 @@ def _rasterize_window(
         if crs is None:
             raise _nothing_about(name, (x, y), 2 * half)
         raise _nothing_there(name, center, 2 * half, places)
-    rated = [height_of(each, request.default_height) for each in tags]
-    heights, rules = np.array([height for height, _ in rated]), [rule for _, rule in rated]
+    heights = np.array([rules.apply(each) for each in tags])
     painted = np.zeros((pixels, pixels), np.float32)
     if count:
         painted = _paint(polygons, heights, painted.shape, side, (x - half, y + half))
@@ -78,21 +83,77 @@ def _rasterize_window(
         attribution=footprints.attribution,
         origin=None if crs is None else (x - half, y + half),
         crs=None if crs is None else code_of(crs),
-        height_rules={rule: Counter(rules)[rule] for rule in RULES if rule in rules},
-        taken=_describe_window(pixels, side, len(tags), count, whole, footprints.side)
+        height_rules={rule: rules.used[rule] for rule in RULES if rule in rules.used},
+        taken=_describe_window(pixels, side, len(tags), count, whole, footprints.side, account)
+        + (f"; heights: {rules.note}" if rules.note else "")
+        + strayed
         + (_suggest_window(middles, crs, 2 * half, len(tags)) if crs and not named else ""),
     )
 
 
+def _choose_projection(
+    footprints: Footprints, center: tuple[float, float], side: float
+) -> tuple[CRS, str]:
+    """Choose the projection of a window of ``side`` metres: the one that the file names for its
+    window, the file's own, or a local one. Also return a note if the file's own is too far from
+    true lengths."""
+    named, own = footprints.projection, footprints.crs
+    if named is not None and is_true_to_scale(named, *center):
+        return named, ""
+    if can_keep(own, *center, side):
+        return own, ""
+    if not own.is_projected:
+        return local_metres(*center), ""
+    note = f"; the map has a transverse Mercator projection about its centre, and not {own.name}"
+    error = scale_error(own, *center)
+    if is_metric(own) and KEPT_TOLERANCE < error < math.inf:
+        note += f", whose lengths are wrong by {error:.2%} here"
+    return local_metres(*center), note
+
+
+def _height_rules(footprints: Footprints, request: Request, name: str) -> HeightRules:
+    """Make the rules for heights of a request. Raises `MapError` if a column is missing."""
+    for option in ("height_column", "levels_column"):
+        column = getattr(request, option)
+        if column is not None and len(footprints.tags):
+            columns = set().union(*footprints.tags)
+            check_requested(name, columns, option, column)
+    return HeightRules(
+        request.default_height,
+        request.height_column,
+        request.levels_column,
+        footprints.height_unit,
+    )
+
+
 def _describe_window(
-    pixels: int, side: float, inside: int, count: int, whole: np.ndarray, named: float | None
+    pixels: int,
+    side: float,
+    inside: int,
+    count: int,
+    whole: np.ndarray,
+    named: float | None,
+    account: Account,
 ) -> str:
     """Describe a window of ``pixels`` of ``side`` metres, which meets ``inside`` of ``count``
-    buildings with the bounds ``whole``; the file names a window of ``named`` metres."""
+    buildings with the bounds ``whole``; the file names a window of ``named`` metres. The
+    ``account`` of the file's features is added if some of them are no buildings."""
     metres, wide, tall = pixels * side, whole[2] - whole[0], whole[3] - whole[1]
-    text = f"a window of {metres:g} × {metres:g} m, with {inside} of the file's {count} buildings"
-    if count:
-        text += f", which extend over {wide:.0f} × {tall:.0f} m"
+    text = f"a window of {metres:g} × {metres:g} m, with {inside}"
+    if account.dropped[OUTSIDE]:
+        text += " buildings"
+    else:
+        text += f" of the file's {count} buildings"
+        if count:
+            text += f", which extend over {wide:.0f} × {tall:.0f} m"
+    if account.note:
+        text += (
+            f"; buildings: {account.buildings} of the file's {account.features} features; "
+            f"left out: {account.note}"
+        )
+    if account.remarks:
+        told = ", ".join(f"{number} {remark}" for remark, number in account.remarks.items())
+        text += f"; kept: {told}"
     if named is not None and not math.isclose(named, metres, rel_tol=1e-6):
         text += f"; the file names a window of {named:g} × {named:g} m"
     return text
@@ -149,7 +210,8 @@ def _rasterize_onto(
     polygons, tags = _within_window(
         transform_polygons(footprints.polygons, footprints.crs, crs), footprints.tags, window
     )
-    heights = np.array([height_of(each, default_height)[0] for each in tags])
+    rules = HeightRules(default_height, unit=footprints.height_unit)
+    heights = np.array([rules.apply(each) for each in tags])
     painted = np.full(city.shape, np.nan, np.float32)
     if tags:
         painted = _paint(polygons, heights, city.shape, side, (left, top), np.nan)
@@ -185,21 +247,6 @@ def crs_of(city: CityMap, name: str) -> CRS:
             "a code that PROJ knows, or WKT",
             "read the map from a file with a valid reference system",
         ) from error
-
-
-def _buildings(
-    footprints: Footprints, name: str, or_none: bool
-) -> tuple[np.ndarray, Sequence[Mapping]]:
-    """Choose the polygons that the source tags as buildings, else all. Raises `MapError` if there
-    are none, unless ``or_none``."""
-    polygons, tags = footprints.polygons, footprints.tags
-    tagged = np.array([is_building(each) for each in tags], dtype=bool)
-    if tagged.any():
-        polygons = polygons[tagged]
-        tags = [each for each, keep in zip(tags, tagged, strict=True) if keep]
-    if len(polygons) or not or_none:
-        _check_polygons(polygons, f"{name} has no building")
-    return polygons, tags
 
 
 def _check_polygons(polygons: np.ndarray, found: str) -> None:

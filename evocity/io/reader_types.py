@@ -14,6 +14,7 @@ from pyproj import CRS
 
 from evocity.citymap import MAX_PIXELS, MAX_SIDE
 from evocity.errors import MapError, keyword
+from evocity.io.account import Account
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,10 @@ class Request:
     default_height: float = 6.0
     height_scale: float | None = None
     name: str | None = None
+    height_column: str | None = None
+    levels_column: str | None = None
+    nodata: float | None = None
+    terrain: str | float | None = None
 
 
 @dataclass(frozen=True)
@@ -48,6 +53,10 @@ class Footprints:
         request sets the size of the window; a note with the map reports ``side`` if the two sizes
         differ.
     bare : whether the file names a window without any building.
+    of_buildings : whether the name or the columns of the layer say that it holds only buildings.
+    height_unit : metres of a number without a unit, in columns of heights.
+    account : count of the file's features, and of those that give no polygon here; None if the
+        reader does not count.
     """
 
     polygons: np.ndarray
@@ -58,6 +67,9 @@ class Footprints:
     projection: CRS | None = None
     side: float | None = None
     bare: bool = False
+    of_buildings: bool = False
+    height_unit: float = 1.0
+    account: Account | None = None
 
 
 @dataclass(frozen=True)
@@ -66,11 +78,16 @@ class Grid:
 
     Attributes
     ----------
-    heights : heights above ground, ``(H, W)``, metres; ground is 0.
+    heights : heights above ground, ``(H, W)``, metres; ground is 0, and missing pixels are NaN.
+        If the request names a terrain, the heights are elevations.
     crs, transform : coordinate reference system and affine transform of the raster, as in rasterio.
         The field ``crs`` is None if the reference system is unknown.
     metres_per_pixel : side of a pixel in metres, or None; a file without a reference system can
         give this side.
+    above_ground : whether it is certain that the heights are above ground. If not, evocity refuses
+        heights that look like elevations.
+    fault : error about implausible values; a map of these heights raises it, a mask does not.
+    note : text about the values, for the user; "" without one.
     """
 
     heights: np.ndarray
@@ -79,6 +96,9 @@ class Grid:
     metres_per_pixel: float | None = None
     attribution: str = ""
     name: str | None = None
+    above_ground: bool = True
+    fault: MapError | None = None
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -90,13 +110,13 @@ class Reader:
     read : function ``(path, request) -> Footprints | Grid``.
     content : kind of content that the function reads; the function `content_of` gives the names of
         all kinds. If ``content`` is None, the reader accepts any content.
-    takes : set of the names of options that the reader accepts; possible names are ``layer`` and
-        ``height_scale``.
+    takes : set of the names of options that the reader accepts; possible names are ``layer``,
+        ``height_scale``, ``height_column``, ``levels_column``, ``nodata`` and ``terrain``.
     """
 
     read: Callable[[Path, Request], Footprints | Grid]
     content: str | None = None
-    takes: frozenset[str] = frozenset({"layer", "height_scale"})
+    takes: frozenset[str] = frozenset({"layer", "height_scale", "height_column", "levels_column"})
 
 
 _MAGIC = (
@@ -124,6 +144,8 @@ def content_of(head: bytes) -> str:
     if b"OSMHeader" in head[:64]:
         return "OSM PBF"
     text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    if text[:6].lower() in (b"ncols ", b"ncols\t", b"nrows ", b"nrows\t"):
+        return "ASCII grid"
     if text.startswith((b"{", b"[")):
         return "JSON"
     if text.startswith(b"<"):

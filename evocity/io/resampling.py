@@ -4,6 +4,7 @@ Pixels stay as they are if they are square, in true metres, with north up, and o
 size. Otherwise each new pixel takes the old pixel at its centre, so that heights never mix.
 """
 
+import dataclasses
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,11 +17,11 @@ from pyproj.exceptions import ProjError
 from rasterio._err import CPLE_BaseError  # what a warp raises
 from rasterio.enums import Resampling
 from rasterio.errors import RasterioError
-from rasterio.transform import array_bounds
 from rasterio.warp import reproject, transform_bounds
 
 from evocity.citymap import CityMap
 from evocity.errors import MapError, keyword
+from evocity.io.crowns import describe_crowns
 from evocity.io.projection import (
     WGS84,
     code_of,
@@ -31,14 +32,33 @@ from evocity.io.projection import (
 )
 from evocity.io.reader_types import Grid, Request, check_size, north_up, refuse_center
 
+# A system of metres in which two grids of one plane are laid on each other.
+_PLANE = CRS.from_epsg(3857)
+
 
 def map_of_grid(grid: Grid, request: Request, name: str) -> CityMap:
     """Lay the window of ``request``, or the whole raster, on square pixels in metres. Raises
     `MapError` where it lies beyond its reference system."""
-    if grid.crs is None:
-        return _map_in_metres(grid, request, name)
     with placement_errors(name):
-        return _map_on_earth(grid, request, name)
+        grid = upright(grid)
+        return (_map_in_metres if grid.crs is None else _map_on_earth)(grid, request, name)
+
+
+def upright(grid: Grid) -> Grid:
+    """Turn and mirror the rows and columns of ``grid`` so that north is up and east is right, if
+    its pixels have sides along x and y. Nothing is resampled."""
+    heights, step = grid.heights, grid.transform
+    if step.a == step.e == 0 and step.b and step.d:
+        heights, step = heights.T, Affine(step.b, step.a, step.c, step.e, step.d, step.f)
+    if step.b or step.d or grid.transform == Affine.identity():
+        return grid
+    if step.a < 0:
+        heights, step = heights[:, ::-1], compose(step, Affine(-1, 0, heights.shape[1], 0, 1, 0))
+    if step.e > 0:
+        heights, step = heights[::-1], compose(step, Affine(1, 0, 0, 0, -1, heights.shape[0]))
+    if heights is grid.heights:
+        return grid
+    return dataclasses.replace(grid, heights=np.ascontiguousarray(heights), transform=step)
 
 
 @contextmanager
@@ -66,11 +86,7 @@ def _map_on_earth(grid: Grid, request: Request, name: str) -> CityMap:
         side, taken = native, _describe_window(grid, heights)
     else:
         heights, origin = _resample(grid, request, center, crs, side, name)
-        (rows, columns), (tall, wide) = grid.heights.shape, heights.shape
-        taken = (
-            f"{wide * side:g} × {tall * side:g} m at {side:g} m a pixel, from a raster of "
-            f"{columns} × {rows} px of about {native:.4g} m"
-        )
+        taken = _describe_resampling(grid, heights, side, native)
     return CityMap(
         heights,
         side,
@@ -78,7 +94,7 @@ def _map_on_earth(grid: Grid, request: Request, name: str) -> CityMap:
         attribution=grid.attribution,
         origin=origin,
         crs=code_of(crs),
-        taken=taken,
+        taken=_add_notes(taken, grid, heights, side),
     )
 
 
@@ -90,15 +106,37 @@ def _describe_window(grid: Grid, heights: np.ndarray) -> str:
     return f"a window of {wide} × {tall} px of the file's {columns} × {rows} px"
 
 
+def _describe_resampling(grid: Grid, heights: np.ndarray, side: float, native: float) -> str:
+    """Describe the map's ``heights`` on pixels of ``side``, from pixels of ``native`` metres."""
+    (rows, columns), (tall, wide) = grid.heights.shape, heights.shape
+    text = (
+        f"{wide * side:g} × {tall * side:g} m at {side:g} m a pixel, from a raster of "
+        f"{columns} × {rows} px of about {native:.4g} m"
+    )
+    if grid.transform.b or grid.transform.d:
+        turned = math.degrees(math.atan2(grid.transform.d, grid.transform.a))
+        text += f", turned by {turned:.1f}°"
+    return text
+
+
 def _map_in_metres(grid: Grid, request: Request, name: str) -> CityMap:
     side = request.metres_per_pixel or grid.metres_per_pixel
     if side is None:
+        step = math.sqrt(abs(grid.transform.determinant))
+        example = 2.0 if grid.transform == Affine.identity() else float(f"{step:.6g}")
         raise MapError(
-            f"{name} does not record the size of its pixels",
+            f"{name} does not record the size of its pixels in metres",
             f"{keyword('metres_per_pixel')} with the side of a pixel in metres",
-            f"give the size, for example {keyword('metres_per_pixel', 2.0)}",
+            f"give the size, for example {keyword('metres_per_pixel', example)}; an ASCII grid may "
+            "have its reference system in a .prj file of the same name",
         )
     refuse_center(request, name)
+    if grid.metres_per_pixel and grid.transform != Affine.identity():
+        if not (_is_square(grid) and math.isclose(side, grid.metres_per_pixel, rel_tol=1e-9)):
+            heights, _ = _resample(grid, request, None, None, side, name)
+            taken = _describe_resampling(grid, heights, side, grid.metres_per_pixel)
+            return _unplaced(grid, heights, side, name, taken)
+        side = grid.metres_per_pixel
     rows, columns = grid.heights.shape
     pixels = request.pixels
     heights = grid.heights
@@ -108,7 +146,18 @@ def _map_in_metres(grid: Grid, request: Request, name: str) -> CityMap:
         top, left = (rows - pixels) // 2, (columns - pixels) // 2
         heights = heights[top : top + pixels, left : left + pixels]
     taken = _describe_window(grid, heights)
+    return _unplaced(grid, heights, side, name, taken)
+
+
+def _unplaced(grid: Grid, heights: np.ndarray, side: float, name: str, taken: str) -> CityMap:
+    """Make a map without a place on Earth."""
+    taken = _add_notes(taken, grid, heights, side)
     return CityMap(heights, side, name=name, attribution=grid.attribution, taken=taken)
+
+
+def _add_notes(taken: str, grid: Grid, heights: np.ndarray, side: float) -> str:
+    """Append what the user must know of the values to the text about the window."""
+    return "; ".join(filter(None, [taken, grid.note, describe_crowns(heights, side)]))
 
 
 def _middle(grid: Grid, name: str) -> tuple[float, float]:
@@ -160,20 +209,27 @@ def _cut_window(grid: Grid, request: Request, center: tuple[float, float], name:
 
 
 def _resample(
-    grid: Grid, request: Request, center: tuple[float, float], crs: CRS, side: float, name: str
+    grid: Grid,
+    request: Request,
+    center: tuple[float, float] | None,
+    crs: CRS | None,
+    side: float,
+    name: str,
 ):
-    """Lay the window on new pixels of ``side`` metres in ``crs``: its heights and corner."""
-    edges = array_bounds(*grid.heights.shape, grid.transform)
-    systems = _rasterio_crs(grid.crs), _rasterio_crs(crs)
-    west, south, east, north = transform_bounds(*systems, *edges)
+    """Lay the window on new pixels of ``side`` metres in ``crs``, or in the grid's own metres: its
+    heights and corner."""
+    west, south, east, north = _bounds(grid)
+    if crs is not None:
+        systems = _rasterio_crs(grid.crs), _rasterio_crs(crs)
+        west, south, east, north = transform_bounds(*systems, west, south, east, north)
     if request.pixels is None:
         rows, columns = max(1, round((north - south) / side)), max(1, round((east - west) / side))
         left, top = west, north
     else:
         rows = columns = request.pixels
         x, y = ((west + east) / 2, (south + north) / 2)
-        if request.center is not None:
-            x, y = transform_points(*center, WGS84, crs)
+        if request.center is not None and crs is not None:
+            x, y = transform_points(*request.center, WGS84, crs)
         left, top = x - columns * side / 2, y + rows * side / 2
         spill = max(
             west - left, top - north, left + columns * side - east, south - top + rows * side
@@ -181,7 +237,7 @@ def _resample(
         if spill > side:
             raise _too_large(
                 name,
-                f"{_window(rows, center)} of {side:g} m",
+                f"{_window(rows, center) if center else f'{rows} × {rows} px'} of {side:g} m",
                 f"{north - south:.0f} × {east - west:.0f} m",
             )
     check_size(name, rows, columns)
@@ -190,25 +246,56 @@ def _resample(
 
 
 def resample_onto(
-    grid: Grid, shape: tuple[int, int], corner: tuple[float, float], side: float, crs: CRS
+    grid: Grid,
+    shape: tuple[int, int],
+    corner: tuple[float, float],
+    side: float,
+    crs: CRS | None,
 ) -> np.ndarray:
     """Lay ``grid`` on ``shape`` pixels of ``side`` metres, with their north-west ``corner`` in
     ``crs``: float32, 0 outside the grid."""
     values = np.zeros(shape, np.float32)
+    warp(grid, values, north_up(*corner, side), crs, Resampling.nearest)
+    return values
+
+
+def warp(
+    grid: Grid, values: np.ndarray, transform: Affine, crs: CRS | None, method: Resampling, **more
+) -> None:
+    """Write ``grid`` into ``values``, which lie by ``transform`` in ``crs``; without a ``crs``,
+    both lie in one plane."""
+    here = _rasterio_crs(_PLANE if crs is None or grid.crs is None else grid.crs)
     reproject(
-        grid.heights.astype(np.float32, copy=False),
+        np.ascontiguousarray(grid.heights, np.float32),
         values,
         src_transform=grid.transform,
-        src_crs=_rasterio_crs(grid.crs),
-        dst_transform=north_up(*corner, side),
-        dst_crs=_rasterio_crs(crs),
-        resampling=Resampling.nearest,
+        src_crs=here,
+        dst_transform=transform,
+        dst_crs=here if crs is None else _rasterio_crs(crs),
+        resampling=method,
+        **more,
     )
-    return values
+
+
+def _bounds(grid: Grid) -> tuple[float, float, float, float]:
+    """Return west, south, east and north of all corners of a ``grid``, in its own coordinates."""
+    rows, columns = grid.heights.shape
+    corners = [_at(grid.transform, x, y) for x in (0, columns) for y in (0, rows)]
+    (west, south), (east, north) = np.min(corners, axis=0), np.max(corners, axis=0)
+    return float(west), float(south), float(east), float(north)
 
 
 def _rasterio_crs(crs: CRS) -> rasterio.crs.CRS:
     return rasterio.crs.CRS.from_wkt(crs.to_wkt())
+
+
+def compose(outer: Affine, inner: Affine) -> Affine:
+    """Return the transform that applies ``inner``, then ``outer`` (releases of affine differ in the
+    sign for it)."""
+    a, d = outer.a * inner.a + outer.b * inner.d, outer.d * inner.a + outer.e * inner.d
+    b, e = outer.a * inner.b + outer.b * inner.e, outer.d * inner.b + outer.e * inner.e
+    c, f = _at(outer, inner.c, inner.f)
+    return Affine(a, b, c, d, e, f)
 
 
 def _at(transform: Affine, column: float, row: float) -> tuple[float, float]:

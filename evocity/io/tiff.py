@@ -12,7 +12,7 @@ from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from evocity.citymap import CityMap
 from evocity.io.geotiff_seal import SEAL, UNSEALED, seal
-from evocity.io.raster import PIXEL_TAG
+from evocity.io.raster import HEIGHTS_TITLE, PIXEL_TAG
 from evocity.io.reader_types import north_up
 from evocity.io.writers import WindowSource, bands
 from evocity.pictures.field import Field
@@ -22,7 +22,7 @@ _TILE, _CACHE = 256, 64 << 20
 
 
 def write_geotiff(city: CityMap, path: Path) -> None:
-    with _band(city, "height above ground", "metre", path) as target:
+    with _band(city, HEIGHTS_TITLE, "metre", path) as target:
         target.write(city.heights, 1)
 
 
@@ -40,7 +40,7 @@ def write_windows_geotiff(
     layout = {"tiled": True, "blockxsize": _TILE, "blockysize": _TILE, "bigtiff": "if_safer"}
     with (
         rasterio.Env(GDAL_CACHEMAX=_CACHE),
-        _band(what, "height above ground", "metre", path, **layout) as target,
+        _band(what, HEIGHTS_TITLE, "metre", path, **layout) as target,
     ):
         for top, heights in bands(what, progress):
             window = rasterio.windows.Window(0, top, heights.shape[1], heights.shape[0])

@@ -2,7 +2,6 @@
 checked the content: a virtual format under another name may point to the network."""
 
 import math
-import re
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -16,16 +15,19 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError as BadCRS
 
 from evocity.errors import MapError, keyword
+from evocity.io.account import DEGENERATE, EMPTY, NO_POLYGON, Account
 from evocity.io.footprint_files import CENTER_TAG
 from evocity.io.geopackage_sql import check_views
-from evocity.io.heights import BUILDING_FIELDS, plain_name
-from evocity.io.projection import flat, is_metric, parse_crs
-from evocity.io.reader_types import Footprints, Request
-
-# names of layers of buildings in several languages
-_BUILDING_NAME = re.compile(
-    r"build|footprint|b[aâ]ti|geb(ae|ä)ude|edific|edifíc|pand|edifici|budov|budyn|здан", re.I
+from evocity.io.heights import (
+    BUILDING_FIELDS,
+    check_columns,
+    has_building_fields,
+    is_building_name,
+    plain_name,
 )
+from evocity.io.projection import flat, is_metric, parse_crs, vertical_unit
+from evocity.io.reader_types import Footprints, Request
+from evocity.io.wkb_areas import Areas
 
 _GDAL_ERRORS = (
     DataSourceError,
@@ -36,6 +38,8 @@ _GDAL_ERRORS = (
     GeometryError,
     shapely.errors.GEOSException,
     UnicodeDecodeError,
+    LookupError,
+    ValueError,
 )
 
 
@@ -44,18 +48,32 @@ def read_layers(path: Path, request: Request) -> Footprints:
     _check_whole(path)
     if path.suffix.lower() == ".gpkg":
         check_views(path)
-    polygons, tags, crs, metadata, count = _read(path, _choose_layer(path, request.layer))
+    layer = _choose_layer(path, request.layer)
+    polygons, tags, crs, metadata, account, fields = _read(path, layer)
+    check_columns(path.name, fields, (request.height_column, request.levels_column))
     if crs is None:
         raise MapError(
             f"{path.name} has no reference system",
             "a layer with a reference system (for a Shapefile a .prj file)",
             "assign a reference system, for example with ogr2ogr -a_srs EPSG:…",
         )
-    crs = _crs(path, crs)
+    crs, unit = _crs(path, crs)
     center = _center(path, metadata)
-    own = crs if center is not None and is_metric(crs) else None
-    bare = center is not None and not count
-    return Footprints(polygons, tags, crs, _attribution(metadata), center, own, bare=bare)
+    for each in tags:
+        if "solid_height" in each:
+            each["solid_height"] *= unit
+    return Footprints(
+        polygons,
+        tags,
+        crs,
+        _attribution(metadata),
+        center,
+        projection=crs if center is not None and is_metric(crs) else None,
+        bare=center is not None and not account.features,
+        of_buildings=is_building_name(layer) or has_building_fields(fields),
+        height_unit=unit,
+        account=account,
+    )
 
 
 def _check_whole(path: Path) -> None:
@@ -74,21 +92,66 @@ def _check_whole(path: Path) -> None:
 
 
 def _read(path: Path, layer: str):
-    """Read polygons, their tags, the reference system and the metadata of a layer, and its number
-    of features of any kind."""
+    """Read polygons, their tags, the reference system, the metadata, the account of all features
+    and the names of the columns of a layer."""
     with _gdal_errors(path):
         info = pyogrio.read_info(path, layer=layer)
-        meta, _, shapes, columns = pyogrio.raw.read(path, layer=layer, force_2d=True)
-        polygons = shapely.from_wkb(shapes)
-    kinds = shapely.get_type_id(polygons)
-    kept = np.flatnonzero(np.isin(kinds, (3, 6)))  # polygons and multipolygons
+        (meta, _, shapes, columns), is_guessed = _read_columns(path, layer, info)
+        polygons, remarks, extents = _areas(shapes)
     fields = [str(name) for name in meta["fields"]]
-    tags = [
-        {name: column[i] for name, column in zip(fields, columns, strict=True)}
-        for i in kept.tolist()
-    ]
+    account = Account(len(shapes))
+    if is_guessed:
+        account.remark("with texts in another encoding than the file says", len(shapes))
+    for number, remark in remarks:
+        account.remark(remark, number)
+    kinds = shapely.get_type_id(polygons)
+    areas = np.isin(kinds, (3, 6))  # polygons and multipolygons
+    lost = np.array([each == DEGENERATE for each in extents], dtype=bool)
+    account.drop(DEGENERATE, int(lost.sum()))
+    account.drop(EMPTY, int((~lost & ~areas & shapely.is_empty(polygons)).sum()))
+    account.drop(NO_POLYGON, int((~lost & ~areas & ~shapely.is_empty(polygons)).sum()))
+    kept = np.flatnonzero(areas & ~lost)
+    tags = []
+    for i in kept.tolist():
+        own = {name: column[i] for name, column in zip(fields, columns, strict=True)}
+        tags.append(own | ({"solid_height": extents[i]} if extents[i] else {}))
     metadata = (info.get("dataset_metadata") or {}) | (info.get("layer_metadata") or {})
-    return polygons[kept], tags, meta["crs"], metadata, len(shapes)
+    return polygons[kept], tags, meta["crs"], metadata, account, fields
+
+
+def _read_columns(path: Path, layer: str, info: dict):
+    """Read a layer; if its texts are not in the encoding that the file states, also return True.
+    A Shapefile is then read as ISO 8859-1, in which all bytes are letters; a GeoPackage without its
+    columns of text."""
+    try:
+        return pyogrio.raw.read(path, layer=layer), False
+    except (UnicodeDecodeError, LookupError):
+        if path.suffix.lower() == ".shp":
+            return pyogrio.raw.read(path, layer=layer, encoding="ISO-8859-1"), True
+        kinds = zip(info["fields"], info["dtypes"], strict=True)
+        plain = [str(name) for name, kind in kinds if kind != "object"]
+        return pyogrio.raw.read(path, layer=layer, columns=plain), True
+
+
+def _areas(shapes: np.ndarray):
+    """Convert WKB to areas seen from above. Return them, remarks as (count, text), and for each
+    shape its extent in z if it is a solid, the text `DEGENERATE` if no ring of it is left, else
+    0."""
+    polygons = shapely.from_wkb(shapes, on_invalid="ignore")
+    extents: list[float | str] = [0.0] * len(shapes)
+    missing = shapely.is_missing(polygons)
+    dropped = 0
+    kinds = shapely.get_type_id(polygons)
+    for at in np.flatnonzero(missing | (kinds == 7)):
+        if shapes[at] is None:
+            continue
+        areas = Areas(bytes(shapes[at]))
+        if areas.faces:
+            polygons[at], extents[at] = areas.area, areas.extent
+            dropped += areas.degenerate
+        elif areas.degenerate:
+            extents[at] = DEGENERATE
+    return shapely.force_2d(polygons), [(dropped, "degenerate rings left out")], extents
 
 
 def _choose_layer(path: Path, requested: str | None) -> str:
@@ -101,7 +164,7 @@ def _choose_layer(path: Path, requested: str | None) -> str:
         raise _layer_error(path, f"no layer {requested!r}", names)
     with_areas = [name for name, kind in layers if "Polygon" in kind or "Unknown" in kind]
     for candidates in (
-        [name for name in with_areas if _BUILDING_NAME.search(name)],
+        [name for name in with_areas if is_building_name(name)],
         [name for name in with_areas if _has_building_fields(path, name)],
         with_areas,
     ):
@@ -128,11 +191,14 @@ def _layer_error(path: Path, problem: str, names: list[str]) -> MapError:
     )
 
 
-def _crs(path: Path, text: str):
+def _crs(path: Path, text: str) -> tuple[CRS, float]:
+    """Parse a reference system; return its horizontal part, and the metres of a unit of height."""
     if text.startswith(("EPSG:", "OGC:", "ESRI:")):
-        return parse_crs(text, path.name)
+        crs = parse_crs(text, path.name)
+        return crs, vertical_unit(CRS.from_user_input(text))
     with _gdal_errors(path):
-        return flat(CRS.from_wkt(text))
+        full = CRS.from_wkt(text)
+        return flat(full), vertical_unit(full)
 
 
 def _center(path: Path, metadata: Mapping[str, str]) -> tuple[float, float] | None:

@@ -23,6 +23,7 @@ from evocity.recipe.values import (
     MapName,
     RunFolder,
     ShapeName,
+    Terrain,
     Title,
     parent_place,
     parent_title,
@@ -60,7 +61,10 @@ LARGEST_BLOCK = 64
 #: The keys that give a parent, exactly one of them.
 PLACES = ("map", "shape", "curve", "genome", "run")
 # Options of reading maps.
-_MAP_KEYS = ("center", "layer", "default_height", "height_scale", "attribution")
+_MAP_KEYS = (
+    *("center", "layer", "default_height", "height_scale"),
+    *("height_column", "levels_column", "nodata", "terrain", "attribution"),
+)
 
 
 class Parent(Section):
@@ -80,6 +84,10 @@ class Parent(Section):
     layer: str | None = None
     default_height: Positive = 6.0
     height_scale: Positive | None = None
+    height_column: str | None = Field(None, min_length=1)
+    levels_column: str | None = Field(None, min_length=1)
+    nodata: Finite | None = None
+    terrain: Terrain = None
     attribution: (
         Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=1000)]
         | None

@@ -4,6 +4,7 @@ Paths are relative to the recipe's folder. The context of the validation holds t
 parents as pairs (name or None, map). For a resumed run it also holds the files that the run kept.
 """
 
+import math
 import re
 from collections.abc import Callable, Collection, Sequence
 from itertools import chain, count
@@ -220,6 +221,15 @@ def _read_heights(value: Any, info: ValidationInfo) -> float | str:
     return float(value)
 
 
+def _read_terrain(value: Any, info: ValidationInfo) -> float | str:
+    if isinstance(value, str):
+        if _is_there(_check_path(value, info), info):
+            return value
+    elif is_number(value) and math.isfinite(value):
+        return float(value)
+    raise fault(spell(value), "a raster of the ground, or its elevation in metres")
+
+
 def _read_reference(value: Any, info: ValidationInfo) -> str | tuple[str, ...]:
     """Read "parents", one city or a list of cities."""
     if value == PARENTS:
@@ -241,5 +251,6 @@ ShapeName = Annotated[
 ]
 RunFolder = Annotated[FileName, _file("a run folder", _RUN_FILE)]
 Heights = Annotated[float | str | None, BeforeValidator(_read_heights)]
+Terrain = Annotated[float | str | None, BeforeValidator(_read_terrain)]
 LonLat = Annotated[list[Finite], AfterValidator(_check_lon_lat)]
 Title = Annotated[str, Field(max_length=100), AfterValidator(_check_title)]

@@ -187,14 +187,26 @@ class Scene:
     @cached_property
     def about(self) -> About:
         """Name, attribution, place and measures."""
-        from evocity.io.footprint_files import placement  # GDAL takes a tenth of a second to load
+        from evocity.io.footprint_files import (
+            coded_grid,
+            placement,
+        )  # GDAL takes a tenth of a second to load
 
         city = self.city
         crs, center = placement(city)
         window = (*center, city.metres_per_pixel)
         measures = {name: float(value) for name, value in self.measures.items()}
         credit = self._attribution
-        return About(plain_text(city.name), credit, crs, self._offset, self._size, window, measures)
+        return About(
+            name=plain_text(city.name),
+            attribution=credit,
+            crs=crs,
+            offset=self._offset,
+            size=self._size,
+            window=window,
+            measures=measures,
+            grid=coded_grid(city),
+        )
 
     @property
     def _size(self) -> tuple[float, float]:

@@ -66,6 +66,14 @@ class MapChoice(Body):
             "layer that contains the buildings", "1 to 100 letters", min_length=1, max_length=100
         ),
     ] = None
+    height_column: Annotated[
+        str | None,
+        typed_field("column of heights", "1 to 100 letters", min_length=1, max_length=100),
+    ] = None
+    levels_column: Annotated[
+        str | None,
+        typed_field("column of storeys", "1 to 100 letters", min_length=1, max_length=100),
+    ] = None
     default_height: Annotated[float | None, _metres("default height")] = None
     height_scale: Annotated[float | None, _metres("metres of a grey level or unit")] = None
 

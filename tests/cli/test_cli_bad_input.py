@@ -76,7 +76,7 @@ def of_no_polygons(folder):
 
 
 def of_two_points(folder):
-    return geojson(folder / "a.geojson", [[4.8, 45.7], [4.9, 45.7]]), "a.geojson"
+    return geojson(folder / "a.geojson", [[4.8, 45.7], [4.9, 45.7]]), "degenerate outline"
 
 
 def of_the_moon(folder):

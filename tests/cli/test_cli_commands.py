@@ -359,7 +359,7 @@ def test_invented_heights_are_told_in_one_line(tmp_path):
     assert "and get 9 m" in line
     (line,) = call("score", "lyon-1er", "--pixels", 64, "--json").stderr.splitlines()
     assert "lyon-1er: a window of 128 × 128 m, with" in line
-    assert line.endswith("names a window of 512 × 512 m")
+    assert line.endswith("names a window of 512 × 512 m; heights: 73 from height")
 
 
 def test_a_window_that_is_mostly_empty_is_told():
@@ -369,7 +369,7 @@ def test_a_window_that_is_mostly_empty_is_told():
     assert "of 256 × 256 px" in line
     assert "--center" in line
     (taken,) = call(*words[:-1], 2).stderr.splitlines()
-    assert taken.endswith("m")  # its own window: none other is named
+    assert "names a window" not in taken  # its own window
 
 
 def test_a_bound_of_one_or_more_is_warned_of(tmp_path, town_file):

@@ -392,7 +392,7 @@ def test_lists_tell_where_plugins_come_from_and_which_are_broken(plugins):
     for group, words, entry in (
         ("evocity.fitness", ("fitness", "list"), Entry("from_afar", measure)),
         ("evocity.operators", ("operators", "list"), Entry("foreign", lambda: Foreign)),
-        ("evocity.readers", ("readers", "list"), Entry(".asc", lambda: read)),
+        ("evocity.readers", ("readers", "list"), Entry(".grid", lambda: read)),
     ):
         plugins(group, Entry("broken", missing), entry)
         result = call(*words)
@@ -409,8 +409,8 @@ def test_readers_tell_content_and_options():
     told = json.loads(call("readers", "list", "--json").stdout)
     assert set(told) == set(evocity.io.READERS)
     assert told[".gpkg"]["content"] == "SQLite (GeoPackage)"
-    assert told[".gpkg"]["options"] == ["--layer"]
-    assert told[".png"]["options"] == ["--height-scale"]
+    assert told[".gpkg"]["options"] == ["--height-column", "--layer", "--levels-column"]
+    assert told[".png"]["options"] == ["--height-scale", "--nodata", "--terrain"]
     assert all(about["doc"] for about in told.values())
 
 

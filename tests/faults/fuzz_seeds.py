@@ -173,6 +173,9 @@ def _rasters(folder: Path) -> None:
     town = _town()
     Image.fromarray(town.astype(np.uint8)).save(folder / "map.png")
     np.save(folder / "map.npy", town)
+    head = "ncols 64\nnrows 64\nxllcorner 770000\nyllcorner 6270000\ncellsize 2\nNODATA_value -1\n"
+    rows = "\n".join(" ".join(f"{height:g}" for height in row) for row in town)
+    (folder / "map.asc").write_text(f"{head}{rows}\n")
     for name, more in (("map.tif", {"compress": "deflate"}), ("map-plain.tif", {})):
         with rasterio.open(
             folder / name,
@@ -193,6 +196,11 @@ def _rasters(folder: Path) -> None:
 def _cityjson(folder: Path) -> None:
     city = CityMap(_town()[:32, :32], 2.0, name="town", origin=CORNER, crs="EPSG:2154")
     evocity.scene(city).write(folder / "map.city.json")
+    document = json.loads((folder / "map.city.json").read_text())
+    feature = {"type": "CityJSONFeature", "id": "town"}
+    for key in ("CityObjects", "vertices"):
+        feature[key], document[key] = document[key], type(document[key])()
+    (folder / "map.city.jsonl").write_text(f"{json.dumps(document)}\n{json.dumps(feature)}\n")
 
 
 def copied(path: Path, folder: Path, content: bytes) -> Path:

@@ -35,6 +35,7 @@ def test_every_format_is_damaged(files):
     names = [path.name for path in files["map"]]
     suffixes = {suffix for suffix in READERS if any(name.endswith(suffix) for name in names)}
     alike = {".json": ".geojson", ".cityjson": ".city.json", ".pbf": ".osm.pbf", ".tiff": ".tif"}
+    alike |= {".jsonl": ".city.jsonl"}
     assert suffixes | set(alike) == set(READERS)
     assert set(SHARES) == set(files)
 

@@ -69,8 +69,9 @@ def test_a_map_that_begins_as_a_formula_is_no_formula(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in ("=cmd|' C calc'!A1.png", "+1.png", "@SUM(A1).png", "plain.png"):
         Image.fromarray(np.full((16, 16), 9, np.uint8)).save(tmp_path / name)
+        flat = ["--height-scale", "1", "--terrain", "0"]
         words = ["score", name, "--csv", "--fitness", "gsi", "--metres-per-pixel", "2"]
-        said = CliRunner().invoke(main, [*words, "--height-scale", "1"], prog_name="evocity").stdout
+        said = CliRunner().invoke(main, [*words, *flat], prog_name="evocity").stdout
         row = said.splitlines()[-1].strip('"')
         assert row.startswith(name[0] if name[0] == "p" else "'" + name[0])
 

@@ -142,9 +142,7 @@ def test_addresses_are_no_files(source):
         (collection(None), "no building"),
         (collection({"type": "Point", "coordinates": [0, 0]}), "no building"),
         (collection(polygon()), "no building"),
-        (collection(polygon(SQUARE), polygon(SQUARE[:2])), "feature 1: a ring of 2"),
-        (collection(polygon([SQUARE[0], SQUARE[1], SQUARE[0]])), "a ring of 2"),
-        (collection(polygon(SQUARE, SQUARE[:1])), "a ring of 1"),
+        (collection(polygon([SQUARE[0], SQUARE[1], SQUARE[0]])), "1 with a degenerate outline"),
         (collection(polygon([[0, 0], [1], [2, 2], [0, 0]])), "cannot be read"),
         (collection(polygon([["x", 0], [1, 0], [1, 1]])), "cannot be read"),
         (collection(polygon([[0, 0], [float("nan"), 1], [1, 1]])), "NaN"),
@@ -237,6 +235,7 @@ def whole_files(tmp_path_factory):
             for element in osmium.FileProcessor(folder / "a.osm"):
                 writer.add(element)
     noise = np.random.default_rng(0).integers(0, 255, (64, 64), dtype=np.uint8)
+    noise[:8] = 0
     Image.fromarray(noise).save(folder / "a.png")
     np.save(folder / "a.npy", noise)
     with rasterio.open(
@@ -466,7 +465,7 @@ def plugins(monkeypatch):
 
 def test_a_reader_from_another_package(tmp_path, plugins):
     class Entry:
-        name, value = ".asc", "afar:read"
+        name, value = ".grid", "afar:read"
 
         def load(self):
             return lambda path, request: Grid(np.full((4, 4), float(path.read_text())))
@@ -490,12 +489,12 @@ def test_a_reader_from_another_package(tmp_path, plugins):
         name = ".png"
 
     plugins(Broken(), Clash(), Entry(), Other())
-    (tmp_path / "a.asc").write_text("7")
-    assert (read_map(tmp_path / "a.asc", metres_per_pixel=3).heights == 7).all()
+    (tmp_path / "a.grid").write_text("7")
+    assert (read_map(tmp_path / "a.grid", metres_per_pixel=3).heights == 7).all()
     (tmp_path / "a.city.xyz").write_text("{}")
     with pytest.raises(MapError, match="no building"):
         read_map(tmp_path / "a.city.xyz")
-    assert {".asc", ".city.xyz"} <= set(map_reader.suffixes())
+    assert {".grid", ".city.xyz"} <= set(map_reader.suffixes())
     broken, clash = map_reader.plugin_warnings()
     assert "plugin .dwg (afar:read) not loaded: ImportError: its library is missing" in broken
     assert "a second reader of .png" in clash

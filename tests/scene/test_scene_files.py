@@ -224,7 +224,8 @@ def test_cityjson_is_read_back(scene, tmp_path):
     found, _ = data_of(path, Request())
     solids = [group for group in scene.groups if (group.heights > 0).any()]
     wanted = np.concatenate([group.polygons for group in solids])
-    wanted = shapely.transform(wanted, lambda points: points + scene.about.offset)
+    to_grid = scene.about.grid[1] if scene.about.grid else lambda points: points
+    wanted = shapely.transform(wanted, lambda points: to_grid(points + scene.about.offset))
     both = shapely.area(shapely.intersection(found.polygons, wanted))
     assert (both / shapely.area(shapely.union(found.polygons, wanted))).min() >= 0.999
     heights = [tags["solid_height"] for tags in found.tags]
@@ -411,7 +412,7 @@ def test_files_tell_whose_and_where_they_are(tmp_path):
     first = next(iter(told["CityObjects"].values()))["attributes"]
     assert first["fsi"] == 2.5
     assert "odd" not in first
-    assert told["transform"]["translate"] == [-256.0, -256.0, 0.0]
+    assert told["transform"]["translate"] == [642368.0, 5069698.0, 0.0]  # in UTM, which has a code
     for suffix in (".city.json", *MESHES):
         data = written(scene, tmp_path, suffix).read_bytes()
         assert b"BD TOPO" in data

@@ -111,6 +111,7 @@ NUMBERS = Parsed("list", _read_numbers, "a list of whole numbers such as 2 or 2,
 SIZES = Parsed("sizes", _read_sizes, "a list of pixels such as 20 or 16,20 or 9-32")
 SIDES = Parsed("sides", _read_sides, "a side such as 4, or a range such as 2-16")
 HEIGHTS = Parsed("heights", _read_heights, "metres or a file")
+TERRAIN = Parsed("terrain", _read_heights, "metres or a file")
 REACH = Parsed("reach", _read_reach, "a whole number of pixels or all")
 
 
@@ -149,6 +150,27 @@ MAP_OPTIONS = {
         "GeoTIFF and NPY; "
         "PNG needs it]",
         float,
+    ),
+    "height_column": option(
+        "--height-column NAME",
+        "Column of footprints with the heights of buildings, in metres. [by the names of columns]",
+    ),
+    "levels_column": option(
+        "--levels-column NAME",
+        "Column of footprints with the storeys of buildings, each 3 m high. [by the names of "
+        "columns]",
+    ),
+    "nodata": option(
+        "--nodata",
+        "Value of missing pixels in a raster that declares no such value; these pixels are ground. "
+        "[the value that the file declares]",
+        float,
+    ),
+    "terrain": option(
+        "--terrain FILE|METRES",
+        "Raster of the ground to subtract from a raster of elevations above sea level, or the "
+        "elevation of flat ground. The value 0 means that the heights are above ground.",
+        TERRAIN,
     ),
     "attribution": option(
         "--attribution TEXT",
@@ -190,7 +212,8 @@ def map_options(command: Callable) -> Callable:
 
 def file_options(command: Callable) -> Callable:
     """Add the options that several map files may share; None where they are not given."""
-    keys = ("layer", "default_height", "height_scale")
+    keys = ("layer", "default_height", "height_scale", "height_column", "levels_column")
+    keys += ("nodata", "terrain")
     return add_options(command, {key: MAP_OPTIONS[key] for key in keys}, dict)
 
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from evocity.operators.plans.donor import Donor, donor_of
 from evocity.operators.plans.gene import SCALES, FaceGene
 from evocity.operators.plans.laying import LEAST_SHARE, Lot, lay_numbers, lot_of, places_of
 from evocity.operators.plans.plan import Plan
-from evocity.operators.plans.storeys import storey_range
+from evocity.operators.plans.storeys import find_lift, storey_range
 
 #: Places lie within this distance of the middle of a building, px of the source city.
 NEAR = 8.0
@@ -266,7 +266,13 @@ def _find(
             continue
         if _repeated(lot, gene, source, built, used) <= repeats:
             best = own, gene, numbers
-    return None if best is None else (best[1], best[1].clamp(donor.heights)[best[2]])
+    if best is None:
+        return None
+    _, gene, numbers = best
+    stand = donor.heights[numbers[numbers > 0]]
+    if stand.size and gene.lowest is not None and gene.highest is not None:
+        gene = replace(gene, lift=find_lift(stand, gene.lowest, gene.highest))
+    return gene, gene.clamp(donor.heights)[numbers]
 
 
 def _draw(

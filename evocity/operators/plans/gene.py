@@ -28,8 +28,9 @@ class FaceGene:
         do not change.
     axis : direction on the plan in which ``scale`` acts, radians from east towards south; None for
         all directions.
-    lowest, highest : range of the heights of whole buildings, metres. Lower and higher buildings
-        take the limit. None for no limit.
+    lift : metres by which all buildings are higher than in the source city; may be negative.
+    lowest, highest : range of the heights of whole buildings after the lift, metres. Lower and
+        higher buildings take the limit. None for no limit.
     part : 0 for the whole lot, 1 or 2 for a half of it (`Lot.side`).
     """
 
@@ -44,6 +45,7 @@ class FaceGene:
     lowest: float | None = None
     highest: float | None = None
     part: int = 0
+    lift: float = 0.0
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as JSON-able data; ``FaceGene(**data)`` is the same gene again."""
@@ -72,11 +74,12 @@ class FaceGene:
     def clamp(self, heights: np.ndarray) -> np.ndarray:
         """Bring the heights of buildings, metres, into the range of the gene; 0 is ground and
         stays."""
-        if self.lowest is None and self.highest is None:
+        if self.lowest is None and self.highest is None and not self.lift:
             return heights
         least = 0 if self.lowest is None else self.lowest
         most = math.inf if self.highest is None else self.highest
-        clamped = np.clip(heights, heights.dtype.type(least), heights.dtype.type(most))
+        kind = heights.dtype.type
+        clamped = np.clip(heights + kind(self.lift), kind(least), kind(most))
         return np.where(heights > 0, clamped, heights)
 
     def nearest_isometry(self) -> int:
@@ -100,12 +103,12 @@ class FaceGene:
                 f"a row from 0 to {height}, and a column from 0 to {width}",
                 "use the map of the source city for which the gene was made",
             )
-        if not (math.isfinite(self.angle) and 0 < self.scale < math.inf):
+        if not (math.isfinite(self.angle + self.lift) and 0 < self.scale < math.inf):
             raise MapError(
                 f"the gene has invalid values: {setting('angle', self.angle)}, "
-                f"{setting('scale', self.scale)}",
-                "a finite angle, and a scale above 0",
-                "correct the angle and the scale of the gene",
+                f"{setting('scale', self.scale)}, {setting('lift', self.lift)}",
+                "a finite angle, a scale above 0, and a finite lift",
+                "correct the values of the gene",
             )
         if not (self.axis is None or math.isfinite(self.axis)) or self.part not in (0, 1, 2):
             raise MapError(

@@ -223,7 +223,7 @@ def _read_gene(data: Mapping) -> FaceGene:
     for value in vars(gene).values():
         if isinstance(value, float) and not math.isfinite(value):
             raise ValueError
-    needed = gene.row, gene.column, gene.angle, gene.scale
+    needed = gene.row, gene.column, gene.angle, gene.scale, gene.lift
     optional = [value for value in _optional(gene) if value is not None]
     if not all(isinstance(number, int | float) for number in (*needed, *optional)):
         raise ValueError

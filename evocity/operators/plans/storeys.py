@@ -44,4 +44,21 @@ def storey_range(
     return round(low, 2), max(round(high, 2), round(low, 2))
 
 
-__all__ = ["AROUND", "SHARES", "storey_range"]
+def find_lift(heights: np.ndarray, low: float, high: float) -> float:
+    """Find the shortest lift that brings buildings into a range of heights, metres.
+
+    A lift keeps the steps between neighbours, which limits would level. Where buildings differ by
+    more than the range, the middle of their heights meets the middle of the range.
+
+    heights : the heights of all built pixels, metres, one or more. The lowest and the highest
+    twentieth do not count. low, high : the range, metres. Returns metres, rounded to centimetres.
+    """
+    heights = np.sort(heights)
+    least, most = (float(heights[int(share * (heights.size - 1))]) for share in SHARES)
+    below, above = low - least, high - most
+    if below > above:
+        return round((below + above) / 2, 2)
+    return round(min(max(0.0, below), above), 2)
+
+
+__all__ = ["AROUND", "SHARES", "find_lift", "storey_range"]

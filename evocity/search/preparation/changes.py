@@ -57,6 +57,9 @@ def changes_of(run: RunLog, copies: Mapping[str, str]) -> list[str]:
 def noted_files(provenance: Mapping) -> list[tuple[str, str | None, str]]:
     """Return the files of a run that are not measures: name, hash, and a text on a change."""
     files = [(one["map"], one["file"], "the map {name} ({own_copy})") for one in provenance["maps"]]
+    for one in provenance["maps"]:
+        if "terrain" in one:
+            files.append((one["terrain"], one["terrain_file"], "the terrain {name} ({own_copy})"))
     for name, before in provenance.get("locked", {}).get("files", {}).items():
         files.append((name, before, "{name}, which says what is locked ({own_copy})"))
     for one in provenance.get("within", []):

@@ -120,6 +120,8 @@ def prepare(
 def read_parent(recipe: Recipe, name: str, options=None) -> CityMap:
     """Read a map of the recipe in the recipe's window."""
     chosen = {} if options is None else options.model_dump(exclude={"map"}, exclude_none=True)
+    if isinstance(chosen.get("terrain"), str):
+        chosen["terrain"] = resolve_path(recipe.folder, chosen["terrain"])
     return io.read_map(
         resolve_path(recipe.folder, name),
         pixels=recipe.map.pixels,

@@ -23,6 +23,7 @@ _PACKAGE = Path(fitness.__file__).parent.parent
 _MOST_SUMMARY = 500
 #: Files of a Shapefile, beside the .shp, that change the map that is read.
 _SHAPEFILE = (".dbf", ".shx", ".prj")
+_RASTERS = (".tif", ".tiff", ".asc")
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,7 @@ def provenance_of(
                 "hash": store.hash_of_map(source.city),
                 "genome": source.genome.digest,
                 "file": hashed(recipe.folder, parent.place) if _is_file(recipe, parent) else None,
+                **_terrain_of(recipe, parent, hashed),
             }
             for source, parent in zip(prepared.sources, recipe.parents, strict=True)
         ],
@@ -112,6 +114,15 @@ def _relative(folder: Path, out: str | os.PathLike) -> str:
         return Path(os.path.relpath(folder, Path(out).resolve())).as_posix()
     except ValueError:
         return str(folder)
+
+
+def _terrain_of(
+    recipe: Recipe, parent: Parent, hashed: Callable[[Path, str], str | None]
+) -> dict[str, str | None]:
+    """The raster of the ground that was subtracted from a ``parent``'s map, and its hash."""
+    if not isinstance(parent.terrain, str):
+        return {}
+    return {"terrain": parent.terrain, "terrain_file": hashed(recipe.folder, parent.terrain)}
 
 
 def _is_file(recipe: Recipe, parent: Parent) -> bool:
@@ -192,8 +203,9 @@ def _reference_of(recipe: Recipe, reference: str | tuple[str, ...] | None, hashe
 
 
 def file_hash(folder: Path, name: str) -> str | None:
-    """Return the hash of a map's file, with the other files of a Shapefile. None for a bundled
-    city, which only a release changes, and for an individual of a run, whose births never change.
+    """Return the hash of a map's file, with the other files of a Shapefile or raster. None for a
+    bundled city, which only a release changes, and for an individual of a run, whose births never
+    change.
     ``folder`` is the recipe's. Raises `MapError` if it cannot be read."""
     path = resolve_path(folder, name)
     run, of_run, _ = path.rpartition("#")
@@ -203,7 +215,10 @@ def file_hash(folder: Path, name: str) -> str | None:
     try:
         if path.suffix.lower() == ".shp":
             others = [other for other in path.parent.iterdir() if other.stem == path.stem]
-        others = sorted(other for other in others if other.suffix.lower() in _SHAPEFILE)
+            others = sorted(other for other in others if other.suffix.lower() in _SHAPEFILE)
+        elif path.suffix.lower() in _RASTERS:
+            beside = [path.with_name(path.name + suffix) for suffix in (".aux.xml", ".msk")]
+            others = [other for other in beside if other.is_file() and not other.is_symlink()]
         return store.hash_of_file(path, *others)
     except OSError as error:
         found = f"{path} cannot be read: {reason_of(error)}"

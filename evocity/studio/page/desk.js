@@ -243,6 +243,8 @@ export class Desk {
     option("latitude", "lat", { min: -89.999999, max: 89.999999 });
     option("default height, m", "default_height", LENGTH).placeholder = 6;
     if (takes.includes("layer")) option("layer that contains the buildings", "layer");
+    if (takes.includes("height_column")) option("column of heights, m", "height_column");
+    if (takes.includes("levels_column")) option("column of storeys", "levels_column");
     if (takes.includes("height_scale")) option("height in metres of one grey level in a picture, or of one unit in a raster", "height_scale", LENGTH);
     if (own) {
       const remove = element(item, "button", "", `remove ${title}`, { type: "button" });
@@ -343,7 +345,7 @@ export class Desk {
       const [lon, lat] = [numberIn(card.lon), numberIn(card.lat)];
       if (lon !== null && lat !== null) choice.center = [lon, lat];
       for (const name of ["default_height", "height_scale"]) if (card[name] && numberIn(card[name]) !== null) choice[name] = numberIn(card[name]);
-      if (card.layer && card.layer.value.trim()) choice.layer = card.layer.value.trim();
+      for (const name of ["layer", "height_column", "levels_column"]) if (card[name] && card[name].value.trim()) choice[name] = card[name].value.trim();
       return choice;
     });
     const length = numberIn(this.length), isTimed = this.unit.value === "minutes";

@@ -1,0 +1,99 @@
+"""Areas of any geometry in WKB, as they look from above: collections, polyhedral surfaces, TIN.
+
+GEOS reads neither surfaces of solids nor rings of less than four points; this module reads both. A
+degenerate ring costs only itself.
+"""
+
+import struct
+
+import numpy as np
+import shapely
+
+_POLYGON, _COLLECTIONS, _SURFACES, _TRIANGLE = 3, (4, 5, 6, 7), (15, 16), 17
+_DEEPEST = 32
+
+
+class Areas:
+    """Areas of one geometry: ``faces``, the number of ``degenerate`` rings, and for surfaces of
+    solids the ``extent`` of z, else 0."""
+
+    def __init__(self, content: bytes):
+        self._content, self._at = content, 0
+        self.faces: list[shapely.Polygon] = []
+        self.degenerate = 0
+        self.is_solid = False
+        self._low, self._high = np.inf, -np.inf
+        try:
+            self._read(0)
+        except struct.error:
+            raise ValueError("a geometry is cut off") from None
+
+    @property
+    def extent(self) -> float:
+        return float(self._high - self._low) if self.is_solid and self._high > self._low else 0.0
+
+    @property
+    def area(self) -> shapely.Geometry:
+        """All faces as one geometry; the union of the faces of a solid."""
+        if self.is_solid:
+            flat = [face for face in self.faces if face.area > 0]
+            return shapely.union_all(flat)
+        return self.faces[0] if len(self.faces) == 1 else shapely.MultiPolygon(self.faces)
+
+    def _number(self, order: str) -> int:
+        (value,) = struct.unpack_from(order + "I", self._content, self._at)
+        self._at += 4
+        return value
+
+    def _read(self, depth: int) -> None:
+        if depth > _DEEPEST:
+            raise ValueError("collections that are nested too deeply")
+        (flag,) = struct.unpack_from("B", self._content, self._at)
+        self._at += 1
+        order = "<" if flag else ">"
+        code = self._number(order)
+        plain = code & 0x0FFFFFFF
+        kind, own = plain % 1000, plain // 1000
+        axes = 2 + (own in (1, 3) or bool(code & 0x80000000))
+        axes += own in (2, 3) or bool(code & 0x40000000)
+        has_z = own in (1, 3) or bool(code & 0x80000000)
+        if code & 0x20000000:
+            self._number(order)
+        if kind in (_POLYGON, _TRIANGLE):
+            self._polygon(order, axes, has_z)
+            return
+        if kind == 1:
+            self._at += 8 * axes
+            return
+        count = self._number(order)
+        if kind == 2:
+            self._at += 8 * axes * count
+        elif kind in _COLLECTIONS + _SURFACES:
+            self.is_solid |= kind in _SURFACES
+            for _ in range(count):
+                self._read(depth + 1)
+        else:
+            raise ValueError(f"a geometry of the type {kind}")
+
+    def _polygon(self, order: str, axes: int, has_z: bool) -> None:
+        rings: list[np.ndarray | None] = []
+        for _ in range(self._number(order)):
+            count = self._number(order)
+            end = self._at + 8 * axes * count
+            if end > len(self._content):
+                raise struct.error("cut off")
+            points = np.frombuffer(self._content, order + "f8", axes * count, self._at)
+            points = points.reshape(-1, axes).astype(float)
+            self._at = end
+            if has_z and count:
+                self._low = min(self._low, points[:, 2].min())
+                self._high = max(self._high, points[:, 2].max())
+            flat = np.unique(points[:, :2], axis=0) if count else points
+            rings.append(points[:, :2] if len(flat) >= 3 else None)
+        if not rings:
+            return
+        # a wall of a solid is a line from above, and no degenerate ring
+        self.degenerate += 0 if self.is_solid else sum(ring is None for ring in rings)
+        if rings[0] is not None:
+            holes = [ring for ring in rings[1:] if ring is not None]
+            self.faces.append(shapely.Polygon(rings[0], holes))
