@@ -79,7 +79,8 @@ class Grid:
     Attributes
     ----------
     heights : heights above ground, ``(H, W)``, metres; ground is 0, and missing pixels are NaN.
-        If the request names a terrain, the heights are elevations.
+        If the request names a terrain, the heights are elevations. `read_map` sets pixels of a
+        writable array to ground.
     crs, transform : coordinate reference system and affine transform of the raster, as in rasterio.
         The field ``crs`` is None if the reference system is unknown.
     metres_per_pixel : side of a pixel in metres, or None; a file without a reference system can

@@ -54,12 +54,23 @@ def above_ground(
         notes.append(f"heights less {terrain:g} m")
     if terrain is None and not grid.above_ground:
         _check_ground(heights, name)
-    missing = int(np.isnan(heights).sum()) if heights.dtype.kind == "f" else 0
+    if not heights.flags.writeable:
+        heights = heights.copy()
+    missing = _fill_ground(heights)
     if missing:
         notes.append(f"{missing} pixels without a value are ground")
-    with np.errstate(invalid="ignore"):
-        heights = np.where(heights > 0, heights, np.zeros((), heights.dtype))
     return dataclasses.replace(grid, heights=heights, note="; ".join(filter(None, notes)))
+
+
+def _fill_ground(heights: np.ndarray) -> int:
+    """Set missing and negative values to 0, some rows at a time, for a large raster has no room for
+    a copy; return the number of missing values."""
+    missing = 0
+    for top in range(0, len(heights), _ROWS):
+        part = heights[top : top + _ROWS]
+        missing += int((part != part).sum())
+        part[~(part > 0)] = 0
+    return missing
 
 
 def _check_ground(heights: np.ndarray, name: str) -> None:
