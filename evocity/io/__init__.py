@@ -2,14 +2,17 @@
 
 - `map_reader`: `read_map`, and the table of readers `READERS`
 - `reader_types`: what a reader takes and returns
-- `geojson`, `cityjson`, `osm`, `overpass`, `vector`, `raster`, `ascii_grid`: the readers
-- `cityjson_objects`, `building_rest`: buildings of CityJSON; outlines outside their parts
-- `osm_elements`, `osm_areas`, `osm_parts`: buildings of OpenStreetMap
-- `raster_values`, `sidecars`: metres and missing pixels of rasters; the files beside them
-- `terrain`, `crowns`: elevations less the ground; rasters of trees
+- `geojson`, `cityjson`, `vector`, `geoparquet`, `dxf`: the readers of footprints
+- `openstreetmap`, `xml`, `rasters`: rooms of readers; `xml` reads GML, CityGML and KML
+- `archives`: maps in zip files; `json_sequence`: a JSON document on each line
+- `surfaces`: shadows of surfaces in space
+- `layer_choice`: the layer of buildings; `window_box`: bounds of the window for large files
 - `account`: the count of a file's features, and why features are left out
 - `building_choice`, `underground`: the buildings among polygons, by their tags
+- `building_rest`: the rest of an outline outside its parts
+- `cityjson_objects`: the objects of CityJSON and their parts
 - `wkb_areas`: the areas of any geometry as they look from above
+- `map_options`: checks of the options for reading maps
 - `geopackage_sql`: bounds for what a GeoPackage computes; `polygon_repair`: outlines that cross
   themselves
 - `heights`: the rules by which a building gets its height

@@ -14,9 +14,9 @@ from evocity.errors import MapError
 from evocity.io.heights import TALLEST
 from evocity.io.map_reader import data_of, options_of
 from evocity.io.rasterization import crs_of, rasterize_onto
+from evocity.io.rasters.terrain import above_ground
 from evocity.io.reader_types import Footprints, Grid, Request
 from evocity.io.resampling import placement_errors, resample_onto
-from evocity.io.terrain import above_ground
 
 
 def read_condensation(

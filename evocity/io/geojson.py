@@ -4,6 +4,7 @@ The reader knows these members beside the features: ``attribution``, and ``windo
 ``center`` [lon, lat], ``projection`` (a PROJ string in metres) and ``side_m`` (metres).
 """
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -13,10 +14,11 @@ from pyproj import CRS
 
 from evocity.errors import MapError, is_number
 from evocity.formats.geojson_lines import read_document
-from evocity.io.account import DEGENERATE, EMPTY, NO_POLYGON, Account
+from evocity.io.account import DEGENERATE, EMPTY, NO_POLYGON, OUTSIDE, Account
 from evocity.io.cityjson import has_cityjson_lines, read_cityjson, read_cityjson_lines
 from evocity.io.heights import check_columns, has_building_fields, is_building_name
-from evocity.io.overpass import is_overpass, read_overpass
+from evocity.io.json_sequence import is_sequence, read_sequence
+from evocity.io.openstreetmap.overpass import is_overpass, read_overpass
 from evocity.io.projection import WGS84, is_metric, parse_crs, vertical_unit
 from evocity.io.reader_types import Footprints, Request
 
@@ -25,6 +27,8 @@ def read_json(path: Path, request: Request) -> Footprints:
     """Read a GeoJSON or CityJSON file, by the document's own ``type``."""
     if has_cityjson_lines(path):
         return read_cityjson_lines(path)
+    if is_sequence(path):
+        return _sequence(path, request)
     document = read_document(path)
     if is_overpass(document):
         return read_overpass(path, document)
@@ -44,6 +48,17 @@ def read_json(path: Path, request: Request) -> Footprints:
         "a GeoJSON FeatureCollection of polygons, or CityJSON",
         "export the building footprints as GeoJSON or CityJSON",
     )
+
+
+def _sequence(path: Path, request: Request) -> Footprints:
+    document, count = read_sequence(path, request)
+    footprints = _footprints(path, document, document["features"], request)
+    account = footprints.account or Account(count)
+    outside = count - len(document["features"])
+    account.features = count
+    account.drop(OUTSIDE, outside)
+    note = f"; evocity read all {count} lines of the file" if outside else ""
+    return dataclasses.replace(footprints, account=account, note=note)
 
 
 def _footprints(path: Path, document: dict, features: object, request: Request) -> Footprints:

@@ -1,21 +1,37 @@
 """`read_map`: chooses the reader by the suffix, and the window; and the table of readers."""
 
 import dataclasses
-import math
 import os
+import re
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
-from evocity.citymap import MAX_SIDE, PIXEL_SIDES, CityMap
-from evocity.errors import MapError, check_number, is_number, keyword, reason_of, setting
+from evocity.citymap import CityMap
+from evocity.errors import MapError, keyword, reason_of
 from evocity.io import bundled_cities
+from evocity.io.map_options import (
+    check_column,
+    check_count,
+    check_finite,
+    check_line,
+    check_place,
+    check_positive,
+    check_terrain,
+)
 from evocity.io.rasterization import rasterize_footprints
-from evocity.io.reader_types import Footprints, Grid, Reader, Request, content_of
+from evocity.io.rasters.terrain import above_ground
+from evocity.io.reader_types import (
+    GEODATABASE,
+    Footprints,
+    Grid,
+    Reader,
+    Request,
+    content_of,
+)
 from evocity.io.resampling import map_of_grid
-from evocity.io.terrain import above_ground
 from evocity.plugins import load_plugins, origin_of
 
 _PLAIN = frozenset({"height_column", "levels_column"})
@@ -44,10 +60,15 @@ class _LazyReader:
         return self._read(path, request)
 
 
-_read_layers, _read_osm = _LazyReader("vector", "read_layers"), _LazyReader("osm", "read_osm")
+_read_layers, _read_osm = (
+    _LazyReader("vector", "read_layers"),
+    _LazyReader("openstreetmap.reader", "read_osm"),
+)
 _JSON = Reader(_LazyReader("geojson", "read_json"), "JSON", _PLAIN)
+_PARQUET = Reader(_LazyReader("geoparquet", "read_geoparquet"), "Parquet", _PLAIN)
+_GML = Reader(_LazyReader("xml.gml", "read_gml"), "GML", _LAYERED)
 _PBF = Reader(_read_osm, "OSM PBF", _PLAIN)
-_TIFF = Reader(_LazyReader("raster", "read_geotiff"), "TIFF", _SCALED)
+_TIFF = Reader(_LazyReader("rasters.reader", "read_geotiff"), "TIFF", _SCALED)
 
 #: The table of readers. Packages add rows by entry points of the group ``evocity.readers``:
 #: the name is the suffix, the object a `Reader` or a function
@@ -61,6 +82,20 @@ READERS: dict[str, Reader] = {
     ".jsonl": _JSON,
     ".gpkg": Reader(_read_layers, "SQLite (GeoPackage)", _LAYERED),
     ".shp": Reader(_read_layers, "Shapefile", _LAYERED),
+    ".fgb": Reader(_read_layers, "FlatGeobuf", _LAYERED),
+    ".gdb": Reader(_read_layers, GEODATABASE, _LAYERED),
+    ".parquet": _PARQUET,
+    ".geoparquet": _PARQUET,
+    ".geojsonl": _JSON,
+    ".geojsons": _JSON,
+    ".geojsonseq": _JSON,
+    ".ndjson": _JSON,
+    ".kml": Reader(_LazyReader("xml.kml", "read_kml"), "KML", _LAYERED),
+    ".kmz": Reader(_LazyReader("xml.kml", "read_kmz"), "ZIP", _LAYERED),
+    ".gml": _GML,
+    ".citygml": _GML,
+    ".dxf": Reader(_LazyReader("dxf", "read_dxf"), "DXF", _LAYERED),
+    ".zip": Reader(_LazyReader("archives", "read_zip"), "ZIP", _LAYERED | _SCALED),
     ".osm": Reader(_read_osm, "OSM XML", _PLAIN),
     ".osm.gz": Reader(_read_osm, "gzip", _PLAIN),
     ".osm.bz2": Reader(_read_osm, "bzip2", _PLAIN),
@@ -68,23 +103,19 @@ READERS: dict[str, Reader] = {
     ".pbf": _PBF,
     ".tif": _TIFF,
     ".tiff": _TIFF,
-    ".asc": Reader(_LazyReader("ascii_grid", "read_asc"), "ASCII grid", _SCALED),
-    ".png": Reader(_LazyReader("raster", "read_png"), "PNG", _SCALED),
-    ".npy": Reader(_LazyReader("raster", "read_npy"), "NPY", _SCALED),
+    ".asc": Reader(_LazyReader("rasters.ascii_grid", "read_asc"), "ASCII grid", _SCALED),
+    ".png": Reader(_LazyReader("rasters.reader", "read_png"), "PNG", _SCALED),
+    ".npy": Reader(_LazyReader("rasters.reader", "read_npy"), "NPY", _SCALED),
 }
 
 
-#: Letters of an attribution, at most.
-MOST_CREDIT = 1000
+#: Suffixes of maps that are folders.
+FOLDERS = (".gdb",)
 
-_PARQUET = (
-    "of GeoParquet, export GeoPackage or GeoJSON; of a genome, `evocity decode` makes a map first"
-)
+_ADDRESS = re.compile(r"[A-Za-z][A-Za-z0-9+.-]{1,20}://|/vsi[a-z0-9_]+/")
 
 #: Remedies for files that are often mistaken for maps.
 _REMEDIES = {
-    ".parquet": _PARQUET,
-    ".geoparquet": _PARQUET,
     ".toml": "run a recipe with `evocity run`",
 }
 
@@ -110,8 +141,9 @@ def read_map(
     Parameters
     ----------
     source : path, or name of a bundled district. The suffix of the file chooses the reader
-        (`READERS`): GeoJSON, CityJSON, GeoPackage, Shapefile, OSM XML and PBF, GeoTIFF, ESRI ASCII
-        grid, PNG, NPY.
+        (`READERS`): GeoJSON, CityJSON, GeoPackage, Shapefile, GeoParquet, FlatGeobuf, File GDB,
+        GML, KML, DXF, OSM XML and PBF, GeoTIFF, ESRI ASCII grid, PNG, NPY, and a zip with one of
+        these.
     pixels : number of pixels along each side of the square window. By default, the window has 256 ×
         256 px for a file of footprints, and covers a raster completely.
     metres_per_pixel : length of a pixel's side, metres. By default, footprints get pixels of 2.0 m,
@@ -120,8 +152,8 @@ def read_map(
     center : centre of the window, ``(longitude, latitude)``. By default, the centre comes from the
         ``window`` member of a GeoJSON file. Without a ``window`` member, the centre is the middle
         of the buildings' bounds, or the middle of the raster.
-    layer : name of the GeoPackage layer with the buildings; required if several layers may hold
-        buildings.
+    layer : name of the layer with the buildings; required if several layers may hold buildings. For
+        a zip with several maps, the name of a map.
     default_height : height of a building to which no height rule applies, metres (see
         `evocity.io.heights`).
     height_scale : metres per grey level (required for PNG), or per unit (other rasters).
@@ -152,21 +184,21 @@ def read_map(
         without a terrain: fewer than 5 % of the pixels lie within 0.5 m of 0.
     """
     request = Request(
-        pixels=_check_count(pixels),
-        metres_per_pixel=_check_positive("metres_per_pixel", metres_per_pixel),
-        center=_check_place(center),
+        pixels=check_count(pixels),
+        metres_per_pixel=check_positive("metres_per_pixel", metres_per_pixel),
+        center=check_place(center),
         layer=layer,
-        default_height=_check_positive("default_height", default_height),
-        height_scale=_check_positive("height_scale", height_scale),
+        default_height=check_positive("default_height", default_height),
+        height_scale=check_positive("height_scale", height_scale),
         name=name,
-        height_column=_check_column("height_column", height_column),
-        levels_column=_check_column("levels_column", levels_column),
-        nodata=_check_finite("nodata", nodata),
-        terrain=_check_terrain(terrain),
+        height_column=check_column("height_column", height_column),
+        levels_column=check_column("levels_column", levels_column),
+        nodata=check_finite("nodata", nodata),
+        terrain=check_terrain(terrain),
     )
     data, stem = data_of(source, request)
     if attribution is not None and not _locate(source)[1]:
-        data = dataclasses.replace(data, attribution=_check_line("attribution", attribution))
+        data = dataclasses.replace(data, attribution=check_line("attribution", attribution))
     if isinstance(data, Footprints):
         return rasterize_footprints(data, request, name or stem)
     name = name or data.name or stem
@@ -255,31 +287,20 @@ def _from_plugins() -> tuple[dict[str, Reader], tuple[str, ...], dict[str, str]]
     return found, load_plugins("evocity.readers", take), origins
 
 
-def _check_line(name: str, text: object) -> str:
-    """Return a ``text``, stripped; raises `MapError` for other values and long texts."""
-    if not isinstance(text, str) or not text.strip() or len(text) > MOST_CREDIT:
-        raise MapError(
-            setting(name, text),
-            f"a text of 1 to {MOST_CREDIT} letters",
-            f"leave {keyword(name)} out to use the file's own",
-        )
-    return text.strip()
-
-
-def _check_column(option: str, column: object) -> str | None:
-    if column is None or (isinstance(column, str) and column.strip()):
-        return column
-    raise MapError(
-        setting(option, column), "the name of a column", f"leave {keyword(option)} out to use rules"
-    )
-
-
 def _locate(source: str | os.PathLike) -> tuple[Path, str]:
     text = os.fspath(source)
     if text in bundled_cities.cities():
         return bundled_cities.path_of(text), bundled_cities.attribution_of(text)
     path = Path(text)
     try:
+        if _ADDRESS.match(text) and not path.exists():
+            raise MapError(
+                f"no file {text!r}: it is an address on the network",
+                "a file on this computer; evocity does not load from the network",
+                f"download it first, for example: curl -L -O {text}",
+            )
+        if path.is_dir() and path.suffix.lower() in FOLDERS:
+            return path, ""
         if path.is_dir():
             if (path / "provenance.json").is_file():
                 raise MapError(
@@ -340,6 +361,8 @@ def _check_options(path: Path, suffix: str, reader: Reader, request: Request) ->
 
 
 def _check_content(path: Path, reader: Reader) -> None:
+    if path.is_dir():
+        return  # the reader checks what is in the folder
     try:
         with open(path, "rb") as file:
             head = file.read(4096)
@@ -368,57 +391,3 @@ def _unreadable(text: str, error: Exception) -> MapError:
 
 def _join(items: list[str]) -> str:
     return ", ".join(sorted(items))
-
-
-def _check_count(pixels: object) -> int | None:
-    if pixels is None:
-        return None
-    remedy = f"give the side of the square window in pixels, for example {keyword('pixels', 256)}"
-    expected = f"a whole number from 1 to {MAX_SIDE}"
-    check_number("pixels", pixels, 1, MAX_SIDE, expected, MapError, remedy, whole=True)
-    return int(pixels)
-
-
-def _check_positive(option: str, value: object) -> float | None:
-    if value is None and option != "default_height":
-        return None
-    low, high = PIXEL_SIDES  # heights lie within these too
-    expected = f"a positive number of metres, {low:g} to {high:g}"
-    check_number(option, value, low, high, expected, MapError)
-    return float(value)
-
-
-def _check_finite(option: str, value: float | None) -> float | None:
-    if value is None:
-        return None
-    check_number(option, value, -math.inf, math.inf, "a finite number", MapError)
-    return float(value)
-
-
-def _check_terrain(terrain: object) -> str | float | None:
-    """Return a terrain as a path or a number; raises `MapError` for other values."""
-    if terrain is None or is_number(terrain):
-        return _check_finite("terrain", terrain)
-    if isinstance(terrain, str | os.PathLike) and os.fspath(terrain):
-        return os.fspath(terrain)
-    raise MapError(
-        setting("terrain", terrain),
-        "the path of a raster, or an elevation in metres",
-        f"give for example {keyword('terrain', 'dtm.tif')}",
-    )
-
-
-def _check_place(center: object) -> tuple[float, float] | None:
-    if center is None:
-        return None
-    try:
-        lon, lat = (float(value) for value in center)
-        if abs(lon) <= 180 and abs(lat) < 90:
-            return lon, lat
-    except (TypeError, ValueError):
-        pass
-    raise MapError(
-        setting("center", center),
-        "(longitude, latitude) in degrees, longitude first, within ±180 and ±90",
-        "give the place as two numbers, for example " + keyword("center", (4.8344, 45.7685)),
-    )

@@ -71,7 +71,7 @@ def _rasterize_window(
     if count and not tags:
         if crs is None:
             raise _nothing_about(name, (x, y), 2 * half)
-        raise _nothing_there(name, center, 2 * half, places)
+        raise _nothing_there(name, center, 2 * half, places, account)
     heights = np.array([rules.apply(each) for each in tags])
     painted = np.zeros((pixels, pixels), np.float32)
     if count:
@@ -87,7 +87,8 @@ def _rasterize_window(
         taken=_describe_window(pixels, side, len(tags), count, whole, footprints.side, account)
         + (f"; heights: {rules.note}" if rules.note else "")
         + strayed
-        + (_suggest_window(middles, crs, 2 * half, len(tags)) if crs and not named else ""),
+        + (_suggest_window(middles, crs, 2 * half, len(tags)) if crs and not named else "")
+        + footprints.note,
     )
 
 
@@ -372,8 +373,15 @@ def _nothing_about(name: str, center: tuple[float, float], side: float) -> MapEr
 
 
 def _nothing_there(
-    name: str, center: tuple[float, float], side: float, places: _Places
+    name: str, center: tuple[float, float], side: float, places: _Places, account: Account
 ) -> MapError:
+    found = f"{name}: no building in the {side:g} m about {center[0]:g}, {center[1]:g}"
+    if account.dropped[OUTSIDE]:  # the reader knows only the buildings near the window
+        return MapError(
+            found,
+            f"a window among the {account.features} features of the file",
+            f"give another {keyword('center')}, or leave it out",
+        )
     west, south, east, north = places.bounds
     lon, lat = places.dense
     remedy = f"pass another {keyword('center')}, for example {keyword('center', (lon, lat))}"
@@ -381,7 +389,7 @@ def _nothing_there(
         swapped = keyword("center", (center[1], center[0]))
         remedy = f"give longitude first: {swapped}"
     return MapError(
-        f"{name}: no building in the {side:g} m about {center[0]:g}, {center[1]:g}",
+        found,
         f"a window among its {len(places.boxes)} buildings, from longitude {west:.5f} "
         f"to {east:.5f} and latitude {south:.5f} to {north:.5f}",
         remedy,

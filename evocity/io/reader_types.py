@@ -4,6 +4,7 @@ A reader knows one format. It returns buildings as polygons (`Footprints`) or a 
 the source's own reference system; others choose window, projection and pixels.
 """
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -57,6 +58,7 @@ class Footprints:
     height_unit : metres of a number without a unit, in columns of heights.
     account : count of the file's features, and of those that give no polygon here; None if the
         reader does not count.
+    note : how the file was read, for the note with the map; it begins with "; ".
     """
 
     polygons: np.ndarray
@@ -70,6 +72,7 @@ class Footprints:
     of_buildings: bool = False
     height_unit: float = 1.0
     account: Account | None = None
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -120,6 +123,9 @@ class Reader:
     takes: frozenset[str] = frozenset({"layer", "height_scale", "height_column", "levels_column"})
 
 
+#: The content of a folder that GDAL reads; a file never has this content.
+GEODATABASE = "File GDB (a folder)"
+
 _MAGIC = (
     (b"\x89PNG\r\n\x1a\n", "PNG"),
     (b"\x93NUMPY", "NPY"),
@@ -130,11 +136,25 @@ _MAGIC = (
     (b"SQLite format 3\x00", "SQLite (GeoPackage)"),
     (b"\x00\x00\x27\x0a", "Shapefile"),
     (b"PK\x03\x04", "ZIP"),
+    (b"PK\x05\x06", "ZIP"),
+    (b"PAR1", "Parquet"),
+    (b"fgb\x03fgb", "FlatGeobuf"),
+    (b"AutoCAD Binary DXF", "binary DXF"),
     (b"\x1f\x8b", "gzip"),
     (b"BZh", "bzip2"),
     (b"\xff\xd8\xff", "JPEG"),
     (b"%PDF", "PDF"),
 )
+
+
+_XML = (
+    (b"<osm", "OSM XML"),
+    (b"<kml", "KML"),
+    (b"opengis.net/kml", "KML"),
+    (b"opengis.net/gml", "GML"),
+)
+# A comment (code 999), or the beginning of a section.
+_DXF = re.compile(rb"(999\s*\n|0\s*\n\s*SECTION\s*\n)")
 
 
 def content_of(head: bytes) -> str:
@@ -144,14 +164,19 @@ def content_of(head: bytes) -> str:
             return kind
     if b"OSMHeader" in head[:64]:
         return "OSM PBF"
-    text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    text = head.removeprefix(b"\xef\xbb\xbf").lstrip(b"\x1e \t\r\n\f\v")
     if text[:6].lower() in (b"ncols ", b"ncols\t", b"nrows ", b"nrows\t"):
         return "ASCII grid"
     if text.startswith((b"{", b"[")):
         return "JSON"
     if text.startswith(b"<"):
         # OSM files declare no entities; those that do may grow without end.
-        return "OSM XML" if b"<osm" in text and b"<!DOCTYPE" not in text else "XML"
+        if b"<!DOCTYPE" in text:
+            return "XML"
+        kinds = (kind for mark, kind in _XML if mark in text)
+        return next(kinds, "XML")
+    if _DXF.match(text):
+        return "DXF"
     return "unknown"
 
 

@@ -21,7 +21,6 @@ from rasterio.warp import reproject, transform_bounds
 
 from evocity.citymap import CityMap
 from evocity.errors import MapError, keyword
-from evocity.io.crowns import describe_crowns
 from evocity.io.projection import (
     WGS84,
     code_of,
@@ -30,6 +29,7 @@ from evocity.io.projection import (
     local_metres,
     transform_points,
 )
+from evocity.io.rasters.crowns import describe_crowns
 from evocity.io.reader_types import Grid, Request, check_size, north_up, refuse_center
 
 # A system of metres in which two grids of one plane are laid on each other.

@@ -12,7 +12,7 @@ from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from evocity.citymap import CityMap
 from evocity.io.geotiff_seal import SEAL, UNSEALED, seal
-from evocity.io.raster import HEIGHTS_TITLE, PIXEL_TAG
+from evocity.io.rasters.reader import HEIGHTS_TITLE, PIXEL_TAG
 from evocity.io.reader_types import north_up
 from evocity.io.writers import WindowSource, bands
 from evocity.pictures.field import Field

@@ -1,21 +1,22 @@
-"""Reader of footprints in GeoPackage and Shapefile, by GDAL, after `reader_types.content_of` has
-checked the content: a virtual format under another name may point to the network."""
+"""Reader of footprints in GeoPackage, Shapefile, FlatGeobuf and File GDB, by GDAL, after
+`reader_types.content_of` has checked the content: a virtual format under another name may point to
+the network."""
 
 import math
+import os
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
 import pyogrio
 import shapely
 from pyogrio.errors import CRSError, DataLayerError, DataSourceError, FieldError, GeometryError
 from pyproj import CRS
 from pyproj.exceptions import CRSError as BadCRS
 
-from evocity.errors import MapError, keyword
-from evocity.io.account import DEGENERATE, EMPTY, NO_POLYGON, Account
+from evocity.errors import MapError
+from evocity.io.account import OUTSIDE, Account
 from evocity.io.footprint_files import CENTER_TAG
 from evocity.io.geopackage_sql import check_views
 from evocity.io.heights import (
@@ -25,9 +26,19 @@ from evocity.io.heights import (
     is_building_name,
     plain_name,
 )
+from evocity.io.layer_choice import choose_layer
 from evocity.io.projection import flat, is_metric, parse_crs, vertical_unit
 from evocity.io.reader_types import Footprints, Request
-from evocity.io.wkb_areas import Areas
+from evocity.io.window_box import SMALL, Box, empty_window_error, window_box
+from evocity.io.wkb_areas import choose_areas, read_areas
+
+#: GDAL's driver for each suffix; another driver that takes such a file may follow references.
+DRIVERS = {
+    ".gpkg": "GPKG",
+    ".shp": "ESRI Shapefile",
+    ".fgb": "FlatGeobuf",
+    ".gdb": "OpenFileGDB",
+}
 
 _GDAL_ERRORS = (
     DataSourceError,
@@ -44,12 +55,17 @@ _GDAL_ERRORS = (
 
 
 def read_layers(path: Path, request: Request) -> Footprints:
-    """Read the buildings of a GeoPackage or Shapefile: the named layer, or the only fitting one."""
+    """Read the buildings of a file that GDAL reads: the named layer, or the only fitting one. If
+    the request names a centre, GDAL leaves out features of a large layer that do not meet the
+    window."""
+    path = _place(path)
     _check_whole(path)
     if path.suffix.lower() == ".gpkg":
         check_views(path)
+    if path.is_dir():
+        _check_geodatabase(path)
     layer = _choose_layer(path, request.layer)
-    polygons, tags, crs, metadata, account, fields = _read(path, layer)
+    polygons, tags, crs, metadata, account, fields = _read(path, layer, request)
     check_columns(path.name, fields, (request.height_column, request.levels_column))
     if crs is None:
         raise MapError(
@@ -76,6 +92,37 @@ def read_layers(path: Path, request: Request) -> Footprints:
     )
 
 
+def _place(path: Path) -> Path:
+    """Return the absolute path, which has no scheme of an address; raises `MapError` for a path
+    that GDAL would take for a place in an archive."""
+    path = path.absolute()
+    if "!" in str(path) or str(path).startswith("/vsi"):
+        raise MapError(
+            f"GDAL reads the path {str(path)!r} as a place in an archive",
+            "a path without '!' that does not begin with /vsi",
+            "rename the file or its folder",
+        )
+    return path
+
+
+def _check_geodatabase(path: Path) -> None:
+    """Raise `MapError` for a folder that is not a File GDB, or has links or folders in it."""
+    with os.scandir(path) as entries:
+        strange = [entry.name for entry in entries if not entry.is_file(follow_symlinks=False)]
+    if strange or path.is_symlink():
+        raise MapError(
+            f"{path.name} holds a link or a folder: {strange[0] if strange else path.name}",
+            "a File GDB, a folder of plain files",
+            "copy the geodatabase again from its source",
+        )
+    if not (path / "a00000001.gdbtable").is_file():
+        raise MapError(
+            f"{path.name} is a folder without a geodatabase in it",
+            "a File GDB, with a file a00000001.gdbtable",
+            "copy the whole folder again from its source",
+        )
+
+
 def _check_whole(path: Path) -> None:
     """Raise `MapError` for a Shapefile shorter than its header says: GDAL reads the rest of it."""
     if path.suffix.lower() != ".shp":
@@ -91,104 +138,66 @@ def _check_whole(path: Path) -> None:
         )
 
 
-def _read(path: Path, layer: str):
+def _read(path: Path, layer: str, request: Request):
     """Read polygons, their tags, the reference system, the metadata, the account of all features
     and the names of the columns of a layer."""
     with _gdal_errors(path):
-        info = pyogrio.read_info(path, layer=layer)
-        (meta, _, shapes, columns), is_guessed = _read_columns(path, layer, info)
-        polygons, remarks, extents = _areas(shapes)
+        info = pyogrio.read_info(path, layer=layer, force_feature_count=True)
+        if info["driver"] != DRIVERS[path.suffix.lower()]:
+            raise DataSourceError(f"GDAL takes it for {info['driver']}")
+        box, count = None, int(info["features"])
+        if count > SMALL and info["crs"]:
+            box = window_box(request, _crs(path, info["crs"])[0])
+        (meta, _, shapes, columns), is_guessed = _read_columns(path, layer, info, box)
+        if box is not None and not len(shapes):
+            bounds = pyogrio.read_info(path, layer=layer, force_total_bounds=True)["total_bounds"]
+            crs, _ = _crs(path, info["crs"])
+            raise empty_window_error(path.name, request, crs, count, bounds)
+        polygons, rings, extents = read_areas(shapes)
     fields = [str(name) for name in meta["fields"]]
-    account = Account(len(shapes))
+    account = Account(len(shapes) if box is None else max(count, len(shapes)))
+    account.drop(OUTSIDE, account.features - len(shapes))
     if is_guessed:
         account.remark("with texts in another encoding than the file says", len(shapes))
-    for number, remark in remarks:
-        account.remark(remark, number)
-    kinds = shapely.get_type_id(polygons)
-    areas = np.isin(kinds, (3, 6))  # polygons and multipolygons
-    lost = np.array([each == DEGENERATE for each in extents], dtype=bool)
-    account.drop(DEGENERATE, int(lost.sum()))
-    account.drop(EMPTY, int((~lost & ~areas & shapely.is_empty(polygons)).sum()))
-    account.drop(NO_POLYGON, int((~lost & ~areas & ~shapely.is_empty(polygons)).sum()))
-    kept = np.flatnonzero(areas & ~lost)
+    kept = choose_areas(polygons, rings, account)
     tags = []
     for i in kept.tolist():
         own = {name: column[i] for name, column in zip(fields, columns, strict=True)}
-        tags.append(own | ({"solid_height": extents[i]} if extents[i] else {}))
+        tags.append(own | ({"solid_height": float(extents[i])} if extents[i] else {}))
     metadata = (info.get("dataset_metadata") or {}) | (info.get("layer_metadata") or {})
     return polygons[kept], tags, meta["crs"], metadata, account, fields
 
 
-def _read_columns(path: Path, layer: str, info: dict):
-    """Read a layer; if its texts are not in the encoding that the file states, also return True.
-    A Shapefile is then read as ISO 8859-1, in which all bytes are letters; a GeoPackage without its
-    columns of text."""
+def _read_columns(path: Path, layer: str, info: dict, box: Box | None):
+    """Read the features of a layer that meet ``box``, by default all; if its texts are not in the
+    encoding that the file states, also return True. A Shapefile is then read as ISO 8859-1, in
+    which all bytes are letters; another file without its columns of text."""
     try:
-        return pyogrio.raw.read(path, layer=layer), False
+        return pyogrio.raw.read(path, layer=layer, bbox=box), False
     except (UnicodeDecodeError, LookupError):
         if path.suffix.lower() == ".shp":
-            return pyogrio.raw.read(path, layer=layer, encoding="ISO-8859-1"), True
+            return pyogrio.raw.read(path, layer=layer, bbox=box, encoding="ISO-8859-1"), True
         kinds = zip(info["fields"], info["dtypes"], strict=True)
         plain = [str(name) for name, kind in kinds if kind != "object"]
-        return pyogrio.raw.read(path, layer=layer, columns=plain), True
-
-
-def _areas(shapes: np.ndarray):
-    """Convert WKB to areas seen from above. Return them, remarks as (count, text), and for each
-    shape its extent in z if it is a solid, the text `DEGENERATE` if no ring of it is left, else
-    0."""
-    polygons = shapely.from_wkb(shapes, on_invalid="ignore")
-    extents: list[float | str] = [0.0] * len(shapes)
-    missing = shapely.is_missing(polygons)
-    dropped = 0
-    kinds = shapely.get_type_id(polygons)
-    for at in np.flatnonzero(missing | (kinds == 7)):
-        if shapes[at] is None:
-            continue
-        areas = Areas(bytes(shapes[at]))
-        if areas.faces:
-            polygons[at], extents[at] = areas.area, areas.extent
-            dropped += areas.degenerate
-        elif areas.degenerate:
-            extents[at] = DEGENERATE
-    return shapely.force_2d(polygons), [(dropped, "degenerate rings left out")], extents
+        return pyogrio.raw.read(path, layer=layer, bbox=box, columns=plain), True
 
 
 def _choose_layer(path: Path, requested: str | None) -> str:
     with _gdal_errors(path):
         layers = [(str(name), str(kind)) for name, kind in pyogrio.list_layers(path)]
     names = [name for name, _ in layers]
-    if requested is not None:
-        if requested in names:
-            return requested
-        raise _layer_error(path, f"no layer {requested!r}", names)
     with_areas = [name for name, kind in layers if "Polygon" in kind or "Unknown" in kind]
-    for candidates in (
-        [name for name in with_areas if is_building_name(name)],
-        [name for name in with_areas if _has_building_fields(path, name)],
-        with_areas,
-    ):
-        if len(candidates) == 1:
-            return candidates[0]
-        if candidates:
-            raise _layer_error(
-                path, f"{len(candidates)} layers that may hold buildings", candidates
-            )
-    raise _layer_error(path, "no layer of polygons", names)
+    of_buildings = dict.fromkeys(with_areas, False)
+    named = any(is_building_name(name) for name in with_areas)
+    if requested is None and len(with_areas) > 1 and not named:
+        of_buildings = {name: _has_building_fields(path, name) for name in with_areas}
+    return choose_layer(path.name, of_buildings, requested, names)
 
 
 def _has_building_fields(path: Path, layer: str) -> bool:
     with _gdal_errors(path):
         fields = pyogrio.read_info(path, layer=layer)["fields"]
     return not BUILDING_FIELDS.isdisjoint(plain_name(name) for name in fields)
-
-
-def _layer_error(path: Path, problem: str, names: list[str]) -> MapError:
-    return MapError(
-        f"{path.name} has {problem}",
-        f"one layer of building footprints; the file has the layers: {', '.join(names) or 'none'}",
-        f"name the layer with {keyword('layer')}",
-    )
 
 
 def _crs(path: Path, text: str) -> tuple[CRS, float]:

@@ -9,8 +9,41 @@ import struct
 import numpy as np
 import shapely
 
+from evocity.io.account import DEGENERATE, EMPTY, NO_POLYGON, Account
+
 _POLYGON, _COLLECTIONS, _SURFACES, _TRIANGLE = 3, (4, 5, 6, 7), (15, 16), 17
 _DEEPEST = 32
+
+
+def read_areas(shapes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Convert WKB to areas seen from above. Return them, the number of degenerate rings of each,
+    and the extent in z of each solid, else 0."""
+    polygons = shapely.from_wkb(shapes, on_invalid="ignore")
+    rings, extents = np.zeros(len(shapes), np.int64), np.zeros(len(shapes))
+    kinds = shapely.get_type_id(polygons)
+    for at in np.flatnonzero(shapely.is_missing(polygons) | (kinds == 7)):
+        if shapes[at] is None:
+            continue
+        areas = Areas(bytes(shapes[at]))
+        rings[at] = areas.degenerate
+        if areas.faces:
+            polygons[at], extents[at] = areas.area, areas.extent
+        elif areas.degenerate:
+            polygons[at] = None
+    return shapely.force_2d(polygons), rings, extents
+
+
+def choose_areas(polygons: np.ndarray, rings: np.ndarray, account: Account) -> np.ndarray:
+    """Choose the features with areas, and count the others and the degenerate ``rings``, as
+    `read_areas` returns them, in the ``account``. Return the numbers of the chosen."""
+    areas = np.isin(shapely.get_type_id(polygons), (3, 6))  # polygons and multipolygons
+    lost = ~areas & (rings > 0)
+    empty = ~areas & ~lost & shapely.is_empty(polygons)
+    account.remark("degenerate rings left out", int(rings[areas].sum()))
+    account.drop(DEGENERATE, int(lost.sum()))
+    account.drop(EMPTY, int(empty.sum()))
+    account.drop(NO_POLYGON, int((~areas & ~lost & ~empty).sum()))
+    return np.flatnonzero(areas)
 
 
 class Areas:

@@ -23,7 +23,7 @@ from evocity.errors import (
 )
 from evocity.files import ProcessFolder
 from evocity.io.bundled_cities import DISTRICTS
-from evocity.io.map_reader import READERS
+from evocity.io.map_reader import FOLDERS, READERS
 from evocity.studio.request_fields import Body, RequestError, fault_of, typed_field, whole_field
 from evocity.studio.subprocesses import DeskJob
 
@@ -32,7 +32,9 @@ MOST_BYTES, MOST_MAPS = 1_000_000_000, 16
 #: Bytes of memory, and seconds a map, for reading; at most.
 MEMORY, SECONDS = 4 << 30, 120.0
 #: The suffixes of maps in a single file.
-SUFFIXES = tuple(sorted((one for one in READERS if one != ".shp"), key=len, reverse=True))
+SUFFIXES = tuple(
+    sorted((one for one in READERS if one not in (".shp", *FOLDERS)), key=len, reverse=True)
+)
 _LETTERS = 80  # bytes of a title
 
 Number = Annotated[int, Field(ge=0, lt=2**31)]

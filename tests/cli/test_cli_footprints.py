@@ -1,5 +1,6 @@
 """`evocity decode`, `pattern` and `grow` write footprints with heights."""
 
+import geopandas
 import numpy as np
 import pyogrio
 import pytest
@@ -66,3 +67,19 @@ def test_what_lies_nowhere_is_no_geojson(tmp_path, nowhere):
 def test_only_footprints_have_pixels_edges_or_walls(tmp_path, placed):
     told = refused(tmp_path, "decode", placed, "--raw", "-o", tmp_path / "a.tif", says="tif")
     assert ".gpkg" in told
+
+
+@pytest.mark.parametrize("name", ["lyon.geoparquet", "lyon.parquet"])
+def test_geoparquet_is_a_map_and_not_a_genome(tmp_path, placed, name):
+    footprints = tmp_path / "lyon.gpkg"
+    call("decode", placed, "-o", footprints)
+    path = tmp_path / "more" / name
+    path.parent.mkdir()
+    geopandas.read_file(footprints).to_parquet(path)
+    again = tmp_path / "again.parquet"
+    call("encode", path, "--pixels", 64, "-o", again)
+    left, right = (evocity.decode(evocity.read_genome(each)).city for each in (placed, again))
+    assert (left.built != right.built).mean() < 0.06
+    child = tmp_path / "child.parquet"
+    refused(tmp_path, "decode", path, "-o", child.with_suffix(".tif"), says="is a map")
+    refused(tmp_path, "encode", path, "-o", child.with_suffix(".geoparquet"), says="name of a map")

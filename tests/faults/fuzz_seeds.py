@@ -10,6 +10,7 @@ import pyogrio
 import rasterio
 import shapely
 from PIL import Image
+from pyproj import CRS
 
 import evocity
 from evocity.citymap import CityMap
@@ -173,9 +174,11 @@ def _rasters(folder: Path) -> None:
     town = _town()
     Image.fromarray(town.astype(np.uint8)).save(folder / "map.png")
     np.save(folder / "map.npy", town)
-    head = "ncols 64\nnrows 64\nxllcorner 770000\nyllcorner 6270000\ncellsize 2\nNODATA_value -1\n"
-    rows = "\n".join(" ".join(f"{height:g}" for height in row) for row in town)
-    (folder / "map.asc").write_text(f"{head}{rows}\n")
+    head = "ncols 64\nnrows 64\nxllcorner 0\nyllcorner 0\ncellsize 2\n"
+    rows = [" ".join(f"{height:g}" for height in row) for row in town]
+    (folder / "map.asc").write_text(head + "\n".join(rows) + "\n")
+    wkt = CRS.from_epsg(2154).to_wkt("WKT1_ESRI")
+    (folder / "map.prj").write_text(wkt)
     for name, more in (("map.tif", {"compress": "deflate"}), ("map-plain.tif", {})):
         with rasterio.open(
             folder / name,
@@ -197,10 +200,12 @@ def _cityjson(folder: Path) -> None:
     city = CityMap(_town()[:32, :32], 2.0, name="town", origin=CORNER, crs="EPSG:2154")
     evocity.scene(city).write(folder / "map.city.json")
     document = json.loads((folder / "map.city.json").read_text())
-    feature = {"type": "CityJSONFeature", "id": "town"}
-    for key in ("CityObjects", "vertices"):
-        feature[key], document[key] = document[key], type(document[key])()
-    (folder / "map.city.jsonl").write_text(f"{json.dumps(document)}\n{json.dumps(feature)}\n")
+    objects, document["CityObjects"] = document["CityObjects"], {}
+    lines = [document]
+    for name, item in objects.items():
+        feature = {"type": "CityJSONFeature", "id": name, "CityObjects": {name: item}}
+        lines.append(feature | {"vertices": document["vertices"]})
+    (folder / "map.city.jsonl").write_text("\n".join(map(json.dumps, lines[:4])) + "\n")
 
 
 def copied(path: Path, folder: Path, content: bytes) -> Path:

@@ -6,7 +6,8 @@ import pytest
 
 from evocity.errors import MapError
 from evocity.formats import geojson_lines
-from evocity.io import osm_elements, read_map
+from evocity.io import read_map
+from evocity.io.openstreetmap import elements
 
 
 def test_json_that_takes_too_much_once_read_is_refused_unread(tmp_path, monkeypatch):
@@ -30,7 +31,7 @@ def test_an_extract_with_too_many_buildings_is_refused(tmp_path, monkeypatch, wa
     path = tmp_path / "a.osm"
     path.write_text(f'<osm version="0.6">{nodes_told}{three}</osm>')
     assert read_map(path, pixels=16).heights.max() == 6
-    monkeypatch.setattr(osm_elements, "_MOST_WAYS", ways)
-    monkeypatch.setattr(osm_elements, "_MOST_NODES", nodes)
+    monkeypatch.setattr(elements, "_MOST_WAYS", ways)
+    monkeypatch.setattr(elements, "_MOST_NODES", nodes)
     with pytest.raises(MapError, match="cut it to the city"):
         read_map(path, pixels=16)

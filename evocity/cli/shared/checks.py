@@ -57,7 +57,8 @@ def check_genome_output(path: Path, *sources: str) -> None:
 
     for source in sources:
         check_output(path, source)
-    if any(path.name.lower().endswith(suffix) for suffix in suffixes()):
+    maps = set(suffixes()) - {".parquet"}  # GeoParquet has the suffix of genomes
+    if any(path.name.lower().endswith(suffix) for suffix in maps):
         raise EvocityError(
             f"{path.name} is the name of a map, not of a genome",
             "the name of a genome file, such as genome.parquet",

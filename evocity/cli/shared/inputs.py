@@ -5,6 +5,7 @@ import os
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import IO
 
 import click
 
@@ -13,19 +14,29 @@ from evocity.cli.shared.checks import check_block
 from evocity.cli.shared.terminal import echo, note_reading, progress_bar, warn
 from evocity.errors import EvocityError, FitnessError, keyword, near_miss, setting, spell
 
+#: Bytes of a Parquet footer that are searched for the metadata of GeoParquet.
+MOST_FOOTER = 64 << 20
+
 # -- kinds of inputs ---------------------------------------------------------------------------
 
 
 def is_genome(source: str) -> bool:
-    """Whether a file is a genome: Parquet by its name or by its first bytes."""
+    """Whether a file is a genome: Parquet by its name or by its first bytes, and not GeoParquet."""
     path = Path(source)
-    if path.suffix.lower() == ".parquet":
-        return True
     with contextlib.suppress(OSError, ValueError):
         if path.is_file():
             with open(path, "rb") as file:
-                return file.read(4) == b"PAR1"
-    return False
+                if file.read(4) == b"PAR1":
+                    return not _is_geoparquet(file)
+    return path.suffix.lower() == ".parquet"
+
+
+def _is_geoparquet(file: IO[bytes]) -> bool:
+    """Whether the footer of a Parquet file holds the metadata of GeoParquet."""
+    file.seek(-8, os.SEEK_END)
+    length = int.from_bytes(file.read(4), "little")
+    file.seek(-8 - min(length, MOST_FOOTER), os.SEEK_END)
+    return b'"primary_column"' in file.read(min(length, MOST_FOOTER))
 
 
 def is_run(source: str) -> bool:

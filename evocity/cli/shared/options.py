@@ -137,7 +137,9 @@ MAP_OPTIONS = {
         float,
     ),
     "layer": option(
-        "--layer", "Layer to read from a GeoPackage. [the buildings, if one layer has them]"
+        "--layer",
+        "Layer to read from a file with layers, or map in a zip. [the buildings, if one layer has "
+        "them]",
     ),
     "default_height": option(
         "--default-height",

@@ -213,6 +213,9 @@ def file_hash(folder: Path, name: str) -> str | None:
         return None
     path, others = Path(path), []
     try:
+        if path.is_dir():  # a File GDB
+            first, *rest = sorted(part for part in path.iterdir() if part.is_file())
+            return store.hash_of_file(first, *rest)
         if path.suffix.lower() == ".shp":
             others = [other for other in path.parent.iterdir() if other.stem == path.stem]
             others = sorted(other for other in others if other.suffix.lower() in _SHAPEFILE)
@@ -220,7 +223,7 @@ def file_hash(folder: Path, name: str) -> str | None:
             beside = [path.with_name(path.name + suffix) for suffix in (".aux.xml", ".msk")]
             others = [other for other in beside if other.is_file() and not other.is_symlink()]
         return store.hash_of_file(path, *others)
-    except OSError as error:
+    except (OSError, ValueError) as error:
         found = f"{path} cannot be read: {reason_of(error)}"
         raise MapError(found, "a map file", "check the path and its permissions") from None
 

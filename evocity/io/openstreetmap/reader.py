@@ -2,7 +2,7 @@
 
 pyosmium reads the elements in three passes, so that they may come in any order; shapely assembles
 the areas. GDAL's driver and osmium's own assembler need nodes before ways, and lose some areas.
-XML that pyosmium misreads goes to `evocity.io.overpass`: edits of JOSM, and relations of Overpass.
+XML that pyosmium misreads goes to `overpass`: edits of JOSM, and relations of Overpass.
 """
 
 import bz2
@@ -18,9 +18,9 @@ import osmium
 
 from evocity.errors import MapError
 from evocity.io.heights import is_building
-from evocity.io.osm_areas import assemble_areas
-from evocity.io.osm_elements import Extract, Place
-from evocity.io.overpass import read_xml_elements
+from evocity.io.openstreetmap.areas import assemble_areas
+from evocity.io.openstreetmap.elements import Extract, Place
+from evocity.io.openstreetmap.overpass import read_xml_elements
 from evocity.io.reader_types import Footprints, Request
 
 _FORMATS = ("pbf", "osm.gz", "osm.bz2", "osm")

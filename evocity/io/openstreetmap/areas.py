@@ -5,8 +5,8 @@ import shapely
 
 from evocity.io.account import DEGENERATE, INCOMPLETE, NO_POLYGON, UNDERGROUND
 from evocity.io.heights import is_building
-from evocity.io.osm_elements import Extract, Relation, Tags, Way
-from evocity.io.osm_parts import replace_outlines
+from evocity.io.openstreetmap.elements import Extract, Relation, Tags, Way
+from evocity.io.openstreetmap.parts import replace_outlines
 from evocity.io.projection import WGS84
 from evocity.io.reader_types import Footprints
 from evocity.io.underground import is_underground

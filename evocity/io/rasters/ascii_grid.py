@@ -11,9 +11,9 @@ from pyproj.exceptions import ProjError
 
 from evocity.errors import MapError
 from evocity.io.projection import flat
-from evocity.io.raster_values import RasterValues
+from evocity.io.rasters.sidecars import read_notes, read_prj
+from evocity.io.rasters.values import RasterValues
 from evocity.io.reader_types import Grid, Request, check_size
-from evocity.io.sidecars import read_notes, read_prj
 
 # Bytes of text that are read at a time, and letters of the longest number.
 _AT_ONCE, _LONGEST = 1 << 22, 64

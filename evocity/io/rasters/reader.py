@@ -22,15 +22,15 @@ from rasterio.windows import Window
 from evocity.errors import MapError, keyword
 from evocity.io.geotiff_seal import check_seal
 from evocity.io.projection import flat
-from evocity.io.raster_values import RasterValues, is_value
+from evocity.io.rasters.sidecars import BandNotes, read_mask, read_notes
+from evocity.io.rasters.values import RasterValues, is_value
 from evocity.io.reader_types import Grid, Request, check_size
 from evocity.io.resampling import compose
-from evocity.io.sidecars import BandNotes, read_mask, read_notes
 
 #: Tag with the pixel size of a GeoTIFF without a reference system.
 PIXEL_TAG = "METRES_PER_PIXEL"
 
-# GDAL opens no sidecar files, which may point anywhere: see `evocity.io.sidecars`.
+# GDAL opens no sidecar files, which may point anywhere: see `evocity.io.rasters.sidecars`.
 # Each block is read once, so the cache is small (bytes).
 _ENVIRONMENT = {
     "GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR",

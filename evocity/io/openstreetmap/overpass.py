@@ -12,8 +12,8 @@ from typing import IO
 from xml.parsers import expat
 
 from evocity.errors import MapError
-from evocity.io.osm_areas import assemble_areas
-from evocity.io.osm_elements import Extract, Node, Place
+from evocity.io.openstreetmap.areas import assemble_areas
+from evocity.io.openstreetmap.elements import Extract, Node, Place
 from evocity.io.reader_types import Footprints
 
 # Elements of a document, at most; about 2 GB.

@@ -14,7 +14,7 @@ import shapely
 from evocity.io.account import REPLACED, Account
 from evocity.io.building_rest import DEGREE, rest_of
 from evocity.io.heights import height_of
-from evocity.io.osm_elements import Tags
+from evocity.io.openstreetmap.elements import Tags
 from evocity.io.polygon_repair import repair_polygons
 
 # Heights that differ by less are equal, metres.

@@ -12,7 +12,7 @@ import numpy as np
 from rasterio.enums import Resampling
 
 from evocity.errors import MapError, keyword
-from evocity.io.raster_values import HEIGHTS
+from evocity.io.rasters.values import HEIGHTS
 from evocity.io.reader_types import Grid, Request
 from evocity.io.resampling import compose, placement_errors, upright, warp
 

@@ -1,0 +1,126 @@
+"""Damaged files of each format end in a map or in one error, in a process of their own."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_io_formats import BOXES, dxf, kml, lod, write_layer, write_parquet, write_zip
+
+KINDS = (".parquet", ".fgb", ".gdb", ".geojsonl", ".zip", ".kml", ".kmz", ".gml", ".dxf")
+SECONDS = 20
+
+READ = """
+import signal, sys
+from pathlib import Path
+from evocity.errors import MapError
+from evocity.io import read_map
+read = refused = 0
+for path in sorted(Path(sys.argv[1]).iterdir()):
+    signal.alarm({seconds})  # ends the process
+    try:
+        read_map(path, pixels=32)
+        read += 1
+    except MapError as error:
+        assert all(error.args), path
+        refused += 1
+    except BaseException as error:
+        print(path.name, type(error).__name__, error)
+print("done", read, refused)
+"""
+
+
+def whole(folder: Path, suffix: str) -> Path:
+    """Write a whole file of a format."""
+    path = folder / f"a{suffix}"
+    if suffix == ".parquet":
+        return write_parquet(path, covering=True)
+    if suffix == ".fgb":
+        return write_layer(path, "FlatGeobuf")
+    if suffix == ".gdb":
+        return write_layer(path, "OpenFileGDB", kind="MultiPolygon")
+    if suffix == ".zip":
+        write_layer(folder / "b.shp", "ESRI Shapefile")
+        return write_zip(path, *sorted(folder.glob("b.*")))
+    if suffix == ".kmz":
+        (folder / "doc.kml").write_text(kml(BOXES))
+        return write_zip(path, folder / "doc.kml")
+    ring = "[[[0,0],[1e-4,0],[1e-4,1e-4],[0,0]]]"
+    line = '{"type":"Feature","properties":{"height":9},"geometry":{"type":"Polygon",'
+    texts = {
+        ".geojsonl": f'{line}"coordinates":{ring}}}}}\n' * 3,
+        ".kml": kml(BOXES),
+        ".gml": lod(BOXES),
+        ".dxf": dxf(BOXES),
+    }
+    path.write_text(texts[suffix])
+    return path
+
+
+WORDS = (b"NaN", b"1e999", b"-1", b"", b"<a>", b"\xff\xff\xff\x7f", b"/etc/passwd", b"&a;", b"]]")
+
+
+def damaged(rng: np.random.Generator, content: bytes) -> bytes:
+    """Change, cut or repeat a few bytes."""
+    found = bytearray(content)
+    for _ in range(int(rng.integers(1, 5))):
+        at, way = int(rng.integers(0, len(found) + 1)), int(rng.integers(5))
+        if way == 0 and found:
+            found[at % len(found)] ^= 1 << int(rng.integers(8))
+        elif way == 1:
+            found[at : at + int(rng.integers(0, 9))] = WORDS[rng.integers(len(WORDS))]
+        elif way == 2 and rng.random() < 0.3:
+            del found[at:]
+        elif way == 3:
+            found[at:at] = found[at : at + int(rng.integers(0, 200))] * int(rng.integers(1, 20))
+        else:
+            found[at : at + 4] = rng.bytes(4)
+    return bytes(found)
+
+
+def fuzz(folder: Path, suffix: str, count: int) -> tuple[int, ...]:
+    """Read ``count`` damaged files; return how many were read, and how many refused."""
+    (folder / "damaged").mkdir()
+    path = whole(folder, suffix)
+    rng = np.random.default_rng([KINDS.index(suffix), count])
+    for number in range(count):
+        target = folder / "damaged" / f"{number:04}{suffix}"
+        if path.is_dir():
+            target.mkdir()
+            parts = sorted(path.iterdir())
+            chosen = parts[rng.integers(len(parts))]
+            for part in parts:
+                content = part.read_bytes()
+                (target / part.name).write_bytes(
+                    damaged(rng, content) if part == chosen else content
+                )
+        else:
+            target.write_bytes(damaged(rng, path.read_bytes()))
+    before = sorted((folder / "damaged").rglob("*"))
+    run = subprocess.run(
+        [sys.executable, "-c", READ.format(seconds=SECONDS), str(folder / "damaged")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert sorted((folder / "damaged").rglob("*")) == before
+    assert run.returncode == 0, (run.returncode, run.stdout[-2000:], run.stderr[-2000:])
+    assert run.stdout.startswith("done "), run.stdout[-2000:]
+    assert not run.stderr
+    return tuple(map(int, run.stdout.split()[1:]))
+
+
+@pytest.mark.parametrize("suffix", KINDS)
+def test_twenty_damaged_files(tmp_path, suffix):
+    assert sum(fuzz(tmp_path, suffix, 20)) == 20
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("suffix", KINDS)
+def test_a_thousand_damaged_files(tmp_path, suffix):
+    read, refused = fuzz(tmp_path, suffix, 1000)
+    print(f"{suffix}: {read} read, {refused} refused")
+    assert read + refused == 1000
+    assert refused > 100
