@@ -11,7 +11,7 @@ BENCHMARKS = $(filter-out benchmarks/_%,$(sort $(wildcard benchmarks/[a-z]*.py))
 .DEFAULT_GOAL := help
 # Tests start hundreds of processes: without bytecode each would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help demo test test-slow test-long soak bench coverage types docs format clean
+.PHONY: help demo test test-slow test-long test-clients soak bench coverage types docs format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' Makefile
@@ -29,10 +29,13 @@ test: .venv/installed-dev .venv/installed-node  ## formatter, linter and the tes
 	$(PYTEST)
 
 test-slow: .venv/installed-dev .venv/installed-node  ## the tests that take some seconds each
-	$(PYTEST) -m 'slow and not long'
+	$(PYTEST) -m 'slow and not long and not clients'
 
 test-long: .venv/installed-dev  ## tests of more than ten seconds, and properties on new examples
 	HYPOTHESIS_PROFILE=explore $(BIN)/pytest -m 'long or hypothesis'
+
+test-clients: .venv/installed-dev  ## tests that open files in Blender and QGIS, where these are installed
+	$(BIN)/pytest -m clients
 
 soak: .venv/installed-dev  ## long tests under faults: hours of them
 	$(BIN)/pytest -m long tests/faults

@@ -137,8 +137,8 @@ def streets(city: CityMap) -> dict[str, float]:
             "dead ends by crossings": float((degree == 1).sum() / crossings),
             "crossings of three": float((degree == 3).sum() / crossings),
             "exits by 100 m of frame": float(100 * graph.at_frame.sum() / side),
-            "streets < 7 m": float(length[graph.width < ALLEY].sum() / total),
-            "streets > 20 m": float(length[graph.width > 20].sum() / total),
+            "streets < 7 m": float(length[graph.clear < ALLEY].sum() / total),
+            "streets > 20 m": float(length[graph.clear > 20].sum() / total),
             "entropy of directions": float(
                 -(shares[shares > 0] * np.log(shares[shares > 0])).sum() / np.log(18)
             ),
@@ -148,8 +148,8 @@ def streets(city: CityMap) -> dict[str, float]:
             "wall to street": float(wall_to_street(city).mean()) if count else np.nan,
         }
         | spread("segment length", length)
-        | spread("street width", graph.width)
-        | spread("bottleneck", graph.least / np.maximum(graph.width, 1e-9))
+        | spread("street width", graph.clear)
+        | spread("bottleneck", graph.least / np.maximum(graph.clear, 1e-9))
         | spread("straightness", np.minimum(chord / length, 1))
         | spread("stroke", strokes)
         | spread("buildings of a quarter", quarters.astype(float))

@@ -22,7 +22,7 @@ import numpy as np
 from _machine import description
 
 import evocity
-from evocity.search.breeding.plans import founder_indices
+from evocity.search.breeding.birth_plans import founder_indices
 from evocity.search.preparation.startup import Crew, start_engine
 from evocity.search.resume.prepared_run import read_preparation
 from evocity.search.resume.refine import score_of

@@ -20,8 +20,8 @@ import evocity
 from evocity.evaluation import Here
 from evocity.evaluation.frames import LENGTH, unpickle, write_frame
 from evocity.search.breeding.archipelago import Archipelago
+from evocity.search.breeding.birth_plans import UNGUIDED
 from evocity.search.breeding.births import stream_offspring
-from evocity.search.breeding.plans import UNGUIDED
 from evocity.search.preparation.preparation import prepare
 from evocity.selection.fronts import not_dominated
 from evocity.store.merge import write_single

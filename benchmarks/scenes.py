@@ -51,6 +51,18 @@ def seconds(
     return spent, sizes, len(scene.walls)
 
 
+def roofs(heights: np.ndarray, folder: Path, metres: float = 2.0) -> tuple[float, float, int]:
+    """CPU of a scene with pitched roofs and of its .glb file, and the file's bytes."""
+    city = CityMap(heights, metres)
+    began = time.process_time()
+    scene = evocity.scene(city, roofs=True)
+    assert scene.groups
+    made = time.process_time()
+    scene.write(folder / "roofs.glb")
+    written = time.process_time()
+    return made - began, written - made, (folder / "roofs.glb").stat().st_size
+
+
 def main() -> None:
     print(description())
     genome = evocity.encode(evocity.read_map("lyon-1er")).genome
@@ -61,6 +73,7 @@ def main() -> None:
     cases["1024² (bred)"] = bred(), 0.5
     with tempfile.TemporaryDirectory() as folder:
         seconds(heights, Path(folder))  # compiles
+        roofs(heights, Path(folder))
         for name, (one, *metres) in cases.items():
             runs = [seconds(one, Path(folder), *metres) for _ in range(REPEATS)]
             least = {key: min(run[0][key] for run in runs) for key in runs[0][0]}
@@ -69,6 +82,11 @@ def main() -> None:
             told += [f"{key} {size / 1e6:.2f} MB" for key, size in sizes.items()]
             print(f"{name}: {count} buildings, {sum(least.values()):.2f} s in all")
             print("   " + ", ".join(told))
+            pitched = [roofs(one, Path(folder), *metres) for _ in range(REPEATS)]
+            made, written = (min(run[k] for run in pitched) for k in range(2))
+            size = pitched[0][2]
+            each = f"{size / count / 1e3:.1f} kB each"
+            print(f"   with roofs: {made:.3f} s, .glb {written:.3f} s, {each}")
 
 
 if __name__ == "__main__":

@@ -170,6 +170,7 @@ class _Fitness:
 
 class _Scene:
     __call__ = staticmethod(_scene.scene)
+    LEVELS = _scene.LEVELS
     Library = _scene.Library
     SUFFIXES = _scene.SUFFIXES
     Scene = _scene.Scene
@@ -182,6 +183,7 @@ class _Scene:
     street_axes = staticmethod(_scene.street_axes)
     substituted = staticmethod(_scene.substituted)
     suffix_of = staticmethod(_scene.suffix_of)
+    write_tiles = staticmethod(_scene.write_tiles)
 
 fitness: _Fitness
 scene: _Scene

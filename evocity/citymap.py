@@ -28,6 +28,8 @@ from evocity.views.walls import Walls, walls_of
 if TYPE_CHECKING:
     import shapely
 
+    from evocity.views.surfaces import GroundCover
+
 #: The height, metres, above which a pixel is built: half a lowest storey. Decoded maps leave traces
 #: of a few decimetres on the ground, which are not buildings.
 BUILT_ABOVE = 1.5
@@ -69,6 +71,8 @@ class CityMap(Displayed):
         `within` makes maps with a site.
     corner : ``(row, column)`` of the map's north-west pixel in the larger map from which this map
         was cut.
+    roof_shapes : shapes of roofs from the source, for scenes: float64 ``(n, 4)`` or None. Columns
+        are x and y in ``crs``, the number in `evocity.io.roof_shapes.SHAPES`, and the area in m².
 
     Raises
     ------
@@ -92,6 +96,7 @@ class CityMap(Displayed):
     taken: str
     site: np.ndarray | None
     corner: tuple[int, int]
+    roof_shapes: np.ndarray | None
 
     def __init__(
         self,
@@ -106,6 +111,7 @@ class CityMap(Displayed):
         taken: str = "",
         site: np.ndarray | None = None,
         corner: tuple[int, int] = (0, 0),
+        roof_shapes: np.ndarray | None = None,
     ):
         array = _checked_heights(heights, name)
         if site is not None:
@@ -136,6 +142,7 @@ class CityMap(Displayed):
             taken=str(taken),
             site=site,
             corner=(int(corner[0]), int(corner[1])),
+            roof_shapes=None if roof_shapes is None else read_only(np.array(roof_shapes, float)),
         )
 
     def __setattr__(self, name: str, value) -> None:
@@ -169,14 +176,12 @@ class CityMap(Displayed):
 
     @property
     def pixels(self) -> int:
-        """Number of pixels that belong to the map: the pixels of the site, or all pixels if the map
-        has no site."""
+        """Number of pixels that belong to the map: those of the site, or all without a site."""
         return self.heights.size if self.site is None else int(np.count_nonzero(self.site))
 
     @property
     def area(self) -> float:
-        """Area of the map, m². In a map with a site, only the pixels of the site count towards the
-        area."""
+        """Area of the map, m². In a map with a site, only the pixels of the site count."""
         return self.pixels * self.metres_per_pixel**2
 
     def within(self, mask: np.ndarray) -> "CityMap":
@@ -203,11 +208,8 @@ class CityMap(Displayed):
         )
 
     def of_whole(self, array: np.ndarray) -> np.ndarray:
-        """Cut an ``array`` ``(H, W)`` of a larger map to the pixels of this map.
-
-        The larger map is the map from which this map was cut. If the array already has the size of
-        this map, the method returns the unchanged array.
-        """
+        """Cut an ``array`` ``(H, W)`` of the larger map, from which this map was cut, to this map.
+        An array that has the size of this map stays unchanged."""
         top, left = self.corner if array.shape != self.shape else (0, 0)
         height, width = self.shape
         return array[top : top + height, left : left + width]
@@ -302,9 +304,14 @@ class CityMap(Displayed):
 
     @property
     def north_west(self) -> tuple[float, float]:
-        """Coordinates ``(x, y)`` of the map's north-west corner. In a map without an origin,
-        coordinates are metres from the map's south-west corner."""
+        """Coordinates ``(x, y)`` of the north-west corner; south-west is (0, 0) by default."""
         return self.origin or (0.0, self.shape[0] * self.metres_per_pixel)
+
+    @property
+    def south_west(self) -> tuple[float, float]:
+        """Coordinates ``(x, y)`` of the south-west corner; (0, 0) by default."""
+        left, top = self.north_west
+        return left, top - self.shape[0] * self.metres_per_pixel
 
     @cached_property
     def gradients(self) -> tuple[np.ndarray, np.ndarray]:
@@ -357,18 +364,17 @@ class CityMap(Displayed):
         of 8 m and more. About 20 ms at 256²."""
         return self.street_graph_of(least_width=ALLEY_WIDTH)
 
+    def ground_cover(self, buildings: Any = None, water: Any = None) -> "GroundCover":
+        """Make one coverage of buildings, streets, squares and other ground, in metres from the
+        south-west corner; parameters as of `evocity.views.surfaces.cover_map`."""
+        from evocity.views.surfaces import cover_map  # shapely is slow to load
+
+        return cover_map(self, buildings, water)
+
     def street_graph_of(self, **how: Any) -> StreetGraph:
-        """Make the street graph of the map, with the options of
-        `evocity.views.streets.street_graph`: ``closed``, ``least_width``, ``spurs``, ``places``,
-        ``courts``, ``kinds`` and ``water``."""
-        return street_graph(
-            self.open_ground,
-            self.building_labels,
-            self.metres_per_pixel,
-            self.north_west,
-            site=self.site,
-            **how,
-        )
+        """Make the street graph with the options of `evocity.views.streets.street_graph`."""
+        ground, labels, pixel = self.open_ground, self.building_labels, self.metres_per_pixel
+        return street_graph(ground, labels, pixel, self.north_west, site=self.site, **how)
 
 
 def _checked_heights(heights: np.ndarray, name: str) -> np.ndarray:
@@ -433,7 +439,8 @@ def same_grid(maps: "list[CityMap]") -> None:
 
 
 #: Description of a map besides its heights and pixels.
-_DESCRIBED = ("name", "attribution", "origin", "crs", "height_rules", "taken", "site", "corner")
+_PLACE = ("name", "attribution", "origin", "crs", "height_rules", "taken", "site", "corner")
+_DESCRIBED = (*_PLACE, "roof_shapes")
 
 
 def _rebuild(heights: np.ndarray, metres_per_pixel: float, described: dict) -> CityMap:

@@ -42,13 +42,14 @@ class _Child:
         self._lock = threading.Lock()
         self._process: subprocess.Popen | None = None
 
-    def request(self, job: dict, content: bytes) -> bytes:
-        """Return the answer of the child for the ``content`` of a file. Raises
-        `UnreadableParquetError`."""
+    def request(self, job: dict, content: bytes, more: float = 0.0) -> bytes:
+        """Return the answer of the child for the ``content`` of a file, within `SECONDS` and
+        ``more`` seconds. Raises `UnreadableParquetError`."""
+        seconds = SECONDS + more
         with self._lock:
             for _ in range(2):  # the child may have ended for another reason
                 process, late = self._started(), threading.Event()
-                limit = threading.Timer(SECONDS, _end_late, (process, late))
+                limit = threading.Timer(seconds, _end_late, (process, late))
                 limit.daemon = True
                 limit.start()
                 answer = None
@@ -59,7 +60,7 @@ class _Child:
                     if answer is None:
                         self._end()
                 if late.is_set():
-                    raise UnreadableParquetError(f"reading takes more than {SECONDS:.0f} seconds")
+                    raise UnreadableParquetError(f"reading takes more than {seconds:.0f} seconds")
                 if answer is not None:
                     error, result = answer
                     if error is not None:
@@ -159,6 +160,18 @@ def try_to_read(content: bytes) -> None:
         _request({}, content)
 
 
+def describe_rows(path: str | os.PathLike) -> dict:
+    """Return what `evocity.parquet_rows.describe` tells of a file. Raises
+    `UnreadableParquetError`."""
+    return json.loads(_child.request({"describe": os.path.abspath(path)}, b""))
+
+
+def select_rows(path: str | os.PathLike, more: float = 0.0, **which) -> bytes:
+    """Return rows of a file as `evocity.parquet_rows.select` does, within `SECONDS` and ``more``
+    seconds. Raises `UnreadableParquetError`."""
+    return _child.request({"select": {"path": os.path.abspath(path)} | which}, b"", more)
+
+
 def _request(job: dict, content: bytes) -> bytes:
     if len(content) > MOST_BYTES:
         raise UnreadableParquetError(f"a file without a seal of more than {MOST_BYTES >> 20} MiB")
@@ -192,7 +205,14 @@ def _next_line() -> bytes:
 
 def _answer(job: dict, content: bytes, answers: BinaryIO) -> None:
     try:
-        if "keys" in job:
+        if "describe" in job or "select" in job:
+            from evocity import parquet_rows
+
+            if "select" in job:
+                result = parquet_rows.select(**job["select"])
+            else:
+                result = parquet_rows.describe(job["describe"])
+        elif "keys" in job:
             result = _rewritten(content, job["keys"], job["most"])
         else:
             _try(content)

@@ -646,6 +646,22 @@ def first_walls(built, ground, start, ray, reach):
     return distances
 
 
+def distances_along(ground, starts, ways, reach):
+    """How far each ray runs to the first wall's pixel, by small steps; −1 for none."""
+    step, distances = 1e-3, []
+    for (y, x), (down, along) in zip(starts.tolist(), ways.tolist(), strict=True):
+        distances.append(-1.0)
+        for far in np.arange(0, reach + step, step):
+            row, column = math.floor(y + far * down + 0.5), math.floor(x + far * along + 0.5)
+            inside = 0 <= row < ground.shape[0] and 0 <= column < ground.shape[1]
+            if not inside or ground[row, column] == 2:
+                break
+            if ground[row, column] == 1:
+                distances[-1] = far
+                break
+    return distances
+
+
 def fullest_strips(groups, width):
     """The most values of each group that lie in a strip of the width."""
     return [max(((g >= v) & (g - v <= width)).sum() for v in g) for g in groups]
@@ -1736,3 +1752,49 @@ def fill_gaps(numbers, rows, columns, inward, free, reach, gap, straight):
     for at in (closed & opened) - walls:
         grown[at] = source[at]
     return grown
+
+
+def roof_heights(points, weights, places):
+    """When the edges of a convex plan, which move inwards by ``weights``, arrive at ``places``."""
+    first, last = points, np.roll(points, -1, axis=0)
+    way = (last - first) / np.hypot(*(last - first).T)[:, None]
+    found = np.full(len(places), np.inf)
+    for start, (x, y), weight in zip(first, way, weights, strict=True):
+        if weight > 0:
+            away = (places - start) @ (-y, x) / weight
+            found = np.minimum(found, away)
+    return found
+
+
+def shrunk_plan(plan, time, step):
+    """A plan whose walls have moved inwards by ``time``, by mitred offsets of ``step``."""
+    for _ in range(round(time / step)):
+        plan = shapely.buffer(plan, -step, join_style="mitre", mitre_limit=1000)
+    return plan
+
+
+def wall_sides(rings, spread):
+    """The side of each edge of ``rings``, lists of points: from the sharpest corner on, edges
+    within ``spread`` degrees of the side's first."""
+    found, side = [], 0
+    for ring in rings:
+        count = len(ring)
+        ways = []
+        for k in range(count):
+            x, y = np.subtract(ring[(k + 1) % count], ring[k])
+            ways.append(math.atan2(y, x))
+
+        def turn(a, b):
+            return abs(math.remainder(a - b, 2 * math.pi))
+
+        start = max(range(count), key=lambda k: (round(turn(ways[k], ways[k - 1]), 9), -k))
+        own, first = [0] * count, ways[start]
+        for step in range(count):
+            k = (start + step) % count
+            if step and turn(ways[k], first) > math.radians(spread):
+                side += 1
+                first = ways[k]
+            own[k] = side
+        side += 1
+        found += own
+    return found

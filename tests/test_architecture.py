@@ -27,6 +27,7 @@ BELOW_ALL = {
     "lazy_imports",
     "columns",
     "parquet_child",
+    "parquet_rows",
     "sealed_parquet",
     "section",
 }
@@ -43,7 +44,8 @@ MAY_IMPORT = {
     "accelerate": set(),
     "bounded_toml": set(),
     "child_process": set(),
-    "parquet_child": {"child_process", "errors"},
+    "parquet_child": {"child_process", "errors", "parquet_rows"},
+    "parquet_rows": set(),
     "sealed_parquet": {"parquet_child"},
     "html_display": set(),
     "section": {"errors"},

@@ -22,7 +22,7 @@ PICTURE = re.compile(r"^!\[[^\]]*\]\(([^)\s]+)\)$", re.M)
 _AT_ITS_SIZE = r"[\g<0>](\1)"  # a click shows it so
 
 GUIDES = (
-    *("from-gis-and-back", "commands", "python"),
+    *("from-gis-and-back", "to-other-programs", "commands", "python"),
     *("maps", "coding", "operators", "fitness", "measures", "recipe", "run-folder", "nights"),
     *("analysis", "studio", "plots", "pictures", "scenes", "classes", "autosimilarity", "cluster"),
     *("shapes", "kinds", "writing"),

@@ -24,6 +24,8 @@ from evocity.pictures.sheet import columns_for, sheet_of
 FORMS = ("plain", "design-explorer")
 # Files of each birth in a zip.
 _FILES = ("map.tif", "footprints.gpkg", "picture.png", "genome.parquet", "scene.glb")
+# Those with coordinates that may be converted, and the style of the map.
+_PLACED, _STYLE = ("map.tif", "footprints.gpkg", "scene.glb"), "map.qml"
 # Maps on one sheet, at most.
 MOST = 400
 # Spreadsheets take a text with one of these first letters for a formula.
@@ -88,6 +90,7 @@ def write_several(
     path: str | os.PathLike,
     at: str | None = None,
     roles: Mapping[int, str] | None = None,
+    crs: str | None = None,
 ) -> None:
     """Write births into one file, see `Run.save`. ``roles``: id -> why it is kept."""
     path = Path(path)
@@ -107,9 +110,9 @@ def write_several(
         )
     each = list(dict.fromkeys(individuals))
     if suffix == ".zip":
-        _write_zip(each, path, at)
+        _write_zip(each, path, at, crs)
     else:
-        _write_sheet(each, path, at, roles or {})
+        _write_sheet(each, path, at or crs, roles or {}, "crs" if at is None else "at")
 
 
 def roles_of(which: object) -> dict[int, str]:
@@ -119,14 +122,18 @@ def roles_of(which: object) -> dict[int, str]:
 
 
 def _write_sheet(
-    individuals: Sequence[Individual], path: Path, at: str | None, roles: Mapping[int, str]
+    individuals: Sequence[Individual],
+    path: Path,
+    place: str | None,
+    roles: Mapping[int, str],
+    option: str,
 ) -> None:
     """Their maps side by side with ids, ``roles`` and scores, on the run's scale of heights."""
-    if at is not None:
+    if place is not None:
         raise RunError(
-            f"{setting('at', at)} has no effect on the contact sheet {path.name}",
+            f"{setting(option, place)} has no effect on the contact sheet {path.name}",
             "a file name that ends in .zip",
-            f"leave {keyword('at')} out, or choose a .zip file",
+            f"leave {keyword(option)} out, or choose a .zip file",
         )
     if len(individuals) > MOST:
         raise RunError(
@@ -153,7 +160,9 @@ def caption(identifier: int, aims: Sequence[Aim], values: Mapping[str, float]) -
     return [f"individual {identifier}", *lines]
 
 
-def _write_zip(individuals: Sequence[Individual], path: Path, at: str | None) -> None:
+def _write_zip(
+    individuals: Sequence[Individual], path: Path, at: str | None, crs: str | None
+) -> None:
     """A folder per birth with its files; the table ``scores.csv``; and the attribution."""
     births = individuals[0].births
     with (
@@ -164,8 +173,9 @@ def _write_zip(individuals: Sequence[Individual], path: Path, at: str | None) ->
         for one in individuals:
             for name in _FILES:
                 file = Path(folder) / name
-                one.save(file, at)
+                one.save(file, at, crs if name in _PLACED else None)
                 archive.write(file, f"{one.id}/{name}")
+            archive.write(Path(folder) / _STYLE, f"{one.id}/{_STYLE}")
         ids = np.array([one.id for one in individuals])
         write_csv(births, ids, Path(folder) / "scores.csv")
         archive.write(Path(folder) / "scores.csv", "scores.csv")

@@ -245,20 +245,33 @@ class Individual(Displayed):
         method takes the same keyword arguments as `evocity.scene`."""
         from evocity.scene import scene
 
-        return scene(self.city, **({"measures": self.scores} | how))
+        return scene(self.city, **(self._scene_facts | how))
 
-    def save(self, path: str | os.PathLike, at: str | None = None) -> None:
+    @property
+    def _scene_facts(self) -> dict[str, Any]:
+        """Scores, and the source city of each building of a fabric."""
+        from evocity.fitness.heredity import building_sources
+
+        facts: dict[str, Any] = {"measures": self.scores}
+        if isinstance(self.genome, Genome):
+            facts["sources"] = building_sources(self.city, self.genome)
+        return facts
+
+    def save(self, path: str | os.PathLike, at: str | None = None, crs: str | None = None) -> None:
         """Write the individual to a file. The suffix of ``path`` determines the format.
 
         A ``.parquet`` file contains the genome. A file with the suffix ``.tif`` or ``.npy``
-        contains heights; a file with the suffix ``.gpkg`` or ``.geojson`` contains footprints. A
-        ``.png`` file contains a picture. A file with the suffix ``.city.json``, ``.glb``, ``.obj``,
-        ``.wrl`` or ``.x3d`` contains a three-dimensional scene.
+        contains heights. A file with the suffix ``.gpkg``, ``.fgb``, ``.geoparquet`` or
+        ``.geojson`` contains footprints. A ``.png`` file contains a picture. A file with another
+        suffix of `evocity.scene.SUFFIXES`, such as ``.city.json`` or ``.glb``, contains a
+        three-dimensional scene.
 
         at : name of a source city. The file gets the place on Earth and the coordinate reference
             system of the source city that `at` names. By default, the file gets the place on Earth
             that all source cities have in common. If the source cities have different places, the
             file gets no place on Earth.
+        crs : reference system of a map, of footprints or of a scene, such as ``"EPSG:2154"``. By
+            default, the file gets the reference system of its place.
 
         Raises `EvocityError` for an unknown suffix, and the errors of the writing function if
         writing fails. After an error, no incomplete file remains.
@@ -270,12 +283,13 @@ class Individual(Displayed):
         suffix = path.suffix.lower()
         place = {} if at is None else place_of(self.run, at)
         if suffix == ".parquet":
+            _refuse_crs(path, crs)
             self.genome.replace(**place).write(path)
         elif suffix in io.WRITERS:
-            io.write_map(self.city.replace(self.city.heights, **place), path)
+            io.write_map(self.city.replace(self.city.heights, **place), path, crs=crs)
         elif suffix_of(path) is not None:
             city = self.city.replace(self.city.heights, **place)
-            scene(city, measures=self.scores).write(path)
+            scene(city, **self._scene_facts).write(path, crs=crs)
         else:
             known = dict.fromkeys([".parquet", *io.WRITERS, *SUFFIXES])
             raise MapError(
@@ -283,6 +297,16 @@ class Individual(Displayed):
                 f"a file name that ends in {', '.join(known)}",
                 "choose .gpkg or .tif for GIS, .glb for Blender and browsers, .png for a picture",
             )
+
+
+def _refuse_crs(path: Path, crs: str | None) -> None:
+    """Raise `MapError` for a reference system of a genome, which keeps that of its source."""
+    if crs is not None:
+        raise MapError(
+            f"{path.name}: a genome cannot be converted to {spell(crs)}",
+            "a map, footprints or a scene",
+            f"choose .tif, .gpkg or .glb, or leave {keyword('crs')} out",
+        )
 
 
 def place_of(run: RunLog, name: str) -> dict[str, object]:

@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from numbers import Integral
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -425,19 +425,19 @@ class Run(complete_run.CompleteRun, Displayed):
         every = self.columns.ids if of is None and form == "plain" else self._ids(of)
         write_csv(self.columns, every, path, form)
 
-    def save(self, which: object, path: str | os.PathLike, at: str | None = None) -> None:
-        """Write several births into one file. Give the births to write as ids, as individuals, as a
-        data frame, or as the result of `keep`.
+    def save(
+        self, which: Any, path: str | os.PathLike, at: str | None = None, crs: str | None = None
+    ) -> None:
+        """Write several births into one file: ids, individuals, a data frame, or those of `keep`.
 
-        A ``.zip`` file contains a table of scores, the attribution, and five files for each birth:
-        GeoTIFF map, footprints, picture, genome and scene. A ``.png`` file is a contact sheet of
-        maps with a common scale of heights.
-
-        at : name of a source city; the maps in a ``.zip`` file get the place on Earth of this city.
+        A ``.zip`` file contains a table of scores, the attribution, and for each birth the GeoTIFF
+        map with its style, footprints, picture, genome and scene. A ``.png`` file is a contact
+        sheet of maps with a common scale of heights. In a ``.zip``, files have the place on Earth
+        of the source city ``at``, and the reference system ``crs``, such as ``"EPSG:2154"``.
         """
         from evocity.analysis.export import roles_of, write_several
 
-        write_several([self[int(one)] for one in self._ids(which)], path, at, roles_of(which))
+        write_several([self[int(one)] for one in self._ids(which)], path, at, roles_of(which), crs)
 
     def compare(self, other: "Run | str | os.PathLike") -> "Comparison":
         """Compare this run with another run. The result has three data frames, the attributes

@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.shared.checks import check_needs, check_output, check_zoom
+from evocity.cli.shared.checks import check_crs, check_needs, check_output, check_zoom
 from evocity.cli.shared.commands import command
 from evocity.cli.shared.inputs import (
     decode_genome,
@@ -20,6 +20,7 @@ from evocity.cli.shared.inputs import (
 from evocity.cli.shared.options import (
     at_option,
     count_option,
+    crs_option,
     flag,
     id_option,
     option,
@@ -29,7 +30,7 @@ from evocity.cli.shared.terminal import describe, echo, note, note_compiling
 from evocity.errors import EvocityError
 
 # Suffixes of files that have a place on Earth.
-_PLACED = (".gpkg", ".tif", ".tiff")
+_PLACED = (".gpkg", ".fgb", ".geoparquet", ".tif", ".tiff")
 
 
 @command("""
@@ -38,17 +39,19 @@ _PLACED = (".gpkg", ".tif", ".tiff")
   evocity decode lyon.parquet -o simpler.png --low-pass 10
   evocity decode lyon.parquet -o called.png --high-pass 2
   evocity decode lyon.parquet -o lyon.geojson
+  evocity decode lyon.parquet -o lambert.gpkg --crs EPSG:2154
   evocity decode runs/lyon-x-montpellier --id 97 -o bred.gpkg
   evocity decode runs/lyon-x-montpellier --id 97 --at lyon-1er -o in-lyon.gpkg
   evocity decode lyon.parquet -o staircases.gpkg --raw""")
 @click.argument("genome", metavar="GENOME|RUN")
 @output_option(
     "MAP",
-    "Map to write: .tif (heights with coordinates), .gpkg or .geojson (footprints with heights), "
-    ".png (a picture) or .npy (only heights)",
+    "Map to write: .tif (heights with coordinates), .gpkg, .fgb, .geoparquet or .geojson "
+    "(footprints with heights), .png (a picture) or .npy (only heights)",
 )
 @id_option
 @at_option
+@crs_option
 @option(
     "--zoom",
     "Fractal zoom factor: values above 1 add detail, and values below 1 simplify the map.",
@@ -68,7 +71,7 @@ _PLACED = (".gpkg", ".tif", ".tiff")
 @count_option
 @flag("--raw", "Write footprints along pixel edges, without fitting straight walls.")
 def decode(
-    genome: str, output: Path, identifier, at, zoom: float, low_pass, high_pass, count, raw
+    genome: str, output: Path, identifier, at, crs, zoom: float, low_pass, high_pass, count, raw
 ) -> None:
     """Decode a genome, and write the decoded map (the attractor of the genome).
 
@@ -81,14 +84,18 @@ def decode(
     --high-pass; published examples use 1, 10 and 100.
 
     A footprint file has one polygon per building, with the columns "id", "height" (mean height of
-    the building, in metres) and "area" (in m²). Walls are straight lines fitted to the pixels, and
-    footprints never overlap. If the parents of a child are two towns, the child's map has no
-    coordinates on Earth: write the map as .gpkg, in local metres, not as .geojson. With --at, the
-    map of a child gets the coordinates of one source city.
+    the building, in metres), "area" (in m²) and "class". Walls are straight lines fitted to the
+    pixels, and footprints never overlap. If the parents of a child are two towns, the child's map
+    has no coordinates on Earth: write the map as .gpkg, in local metres, not as .geojson. With
+    --at, the map of a child gets the coordinates of one source city. With --crs, the output gets
+    another reference system. QGIS shows a .gpkg or .tif file in the colours of evocity's pictures.
+    The style of a .tif file is a second file, with the suffix .qml.
     """
     from evocity.io import RAW_WRITERS, WRITERS
+    from evocity.io.writers import PLACED
 
     check_output(output, genome, RAW_WRITERS if raw else WRITERS)
+    check_crs(crs, output, PLACED)
     filters = {"low-pass": low_pass, "high-pass": high_pass}
     filters = {name: f_c for name, f_c in filters.items() if f_c is not None}
     check_needs("--count", "--low-pass or --high-pass", count is not None and not filters)
@@ -104,7 +111,7 @@ def decode(
     if at is not None:
         code = code.replace(**place_at(genome, at))
     if getattr(code, "kind", "fabric") != "fabric":
-        _write_form(code, genome, identifier, zoom, filters, output, raw)
+        _write_form(code, genome, identifier, zoom, filters, output, raw, crs)
         return
     check_zoom(code.pavement, zoom)
     facts = []
@@ -116,7 +123,7 @@ def decode(
     filtered = "".join(f", {name} at {f_c:g}" for name, f_c in filters.items())
     name = name_decoded(city.name, code, genome, identifier) + filtered
     city = city.replace(city.heights, name=name)
-    evocity.write_map(city, output, raw=raw)
+    evocity.write_map(city, output, raw=raw, crs=crs)
     if at is None and city.crs is None and is_run(genome) and output.suffix.lower() in _PLACED:
         _note_nowhere(evocity.open_run(genome), code)
     for line in (describe(city), *facts, f"decoded in {decoding.iterations} steps"):
@@ -125,7 +132,7 @@ def decode(
 
 
 def _write_form(
-    form, source: str, identifier, zoom: float, filters, output: str, raw: bool
+    form, source: str, identifier, zoom: float, filters, output: str, raw: bool, crs
 ) -> None:
     """Write the map of a shape, a curve or a site."""
     if filters:
@@ -136,7 +143,7 @@ def _write_form(
             "leave out the options --low-pass and --high-pass",
         )
     city = decode_genome(form, source, identifier, zoom)
-    evocity.write_map(city, output, raw=raw)
+    evocity.write_map(city, output, raw=raw, crs=crs)
     echo(describe(city))
     echo(f"wrote {output}")
 

@@ -110,9 +110,11 @@ from evocity.cli.shared.terminal import (
 def encode(map, output: Path, locks, lock_heights, reading, as_json: bool, **coding) -> None:
     """Encode MAP as a fractal genome.
 
-    MAP is the name of a bundled district, or a file in one of these formats: GeoJSON, GeoPackage,
-    Shapefile, OSM XML, OSM PBF, CityJSON, GeoTIFF, PNG, NPY. The genome file is a Parquet table
-    with a row for each lifs. DuckDB, polars and pandas can read the genome file.
+    MAP is the name of a bundled district, or a file. Files of footprints are GeoJSON, GeoPackage,
+    Shapefile, GeoParquet, FlatGeobuf, File GDB, OSM XML, OSM PBF, Overpass JSON, KML and DXF. Files
+    of solids are CityJSON, CityGML and GML. Rasters are GeoTIFF, ESRI ASCII grid, PNG and NPY. A
+    zip may hold one of these. The genome file is a Parquet table with a row for each lifs. DuckDB,
+    polars and pandas can read the genome file.
 
     With --block 2-16, a quadtree divides the map into range blocks with sides from 2 to 16 px. With
     --block 4, all range blocks have sides of 4 px. With --max-error, the quadtree splits a range

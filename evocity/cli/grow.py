@@ -8,11 +8,12 @@ from pathlib import Path
 
 import click
 
-from evocity.cli.shared.checks import check_needs, check_output, report_write_errors
+from evocity.cli.shared.checks import check_crs, check_needs, check_output, report_write_errors
 from evocity.cli.shared.commands import command
 from evocity.cli.shared.inputs import parents_of
 from evocity.cli.shared.options import (
     WHOLE,
+    crs_option,
     flag,
     ids_option,
     json_option,
@@ -20,11 +21,24 @@ from evocity.cli.shared.options import (
     output_option,
     parent_options,
 )
+from evocity.cli.shared.scene_options import (
+    check_outputs,
+    check_tile,
+    lod_option,
+    roofs_option,
+    say_tiles,
+    tile_option,
+    tiles_option,
+    write_scene_tiles,
+)
 from evocity.cli.shared.terminal import echo, print_json, progress_bar
 from evocity.errors import EvocityError
 
 #: Most pixels of what is built whole in memory (footprints, a picture, a genome): 4096².
 MOST_WHOLE = 1 << 24
+#: Strip of the fabric around tiles, pixels: buildings across the border are the same in the tiles
+#: of the next part.
+MARGIN = 128
 
 
 @command("""
@@ -33,16 +47,23 @@ MOST_WHOLE = 1 << 24
   evocity grow lyon-1er --width 1024 --height 1024 --top -5000 --left 20000 -o far.tif
   evocity grow lyon-1er montpellier-pas-du-loup --width 1024 --height 512 -o between.tif
   evocity grow lyon-1er --width 2048 --height 2048 --streets -o along-streets.tif
-  evocity grow runs/lyon-x-montpellier --id 97 --width 1024 --height 1024 -o large.parquet""")
+  evocity grow runs/lyon-x-montpellier --id 97 --width 1024 --height 1024 -o large.parquet
+  evocity grow lyon-1er --width 1024 --height 512 -o grown.glb --lod 1.2
+  evocity grow lyon-1er --width 1024 --height 1024 --tiles grown-tiles --tile 256""")
 @click.argument("genomes", metavar="GENOME|RUN|MAP...", nargs=-1, required=True)
 @option("--width", "Width of the new map, in pixels.", int, required=True)
 @option("--height", "Height of the new map, in pixels.", int, required=True)
 @output_option(
     "FILE",
     "File to write: .tif (heights with coordinates) or .npy (only heights). Maps up to 4096 × "
-    "4096 px may have the format .gpkg or .geojson (footprints with heights), .png (a picture) or "
-    ".parquet (a genome)",
+    "4096 px may have the format .gpkg, .fgb, .geoparquet or .geojson (footprints with heights), "
+    ".png (a picture), .parquet (a genome), or a format of evocity scene such as .glb",
+    required=False,
 )
+@tiles_option
+@tile_option
+@lod_option
+@roofs_option
 @option("--seed", "Seed of the random draws; the same seed grows the same fabric.", WHOLE, 0)
 @option(
     "--top PIXELS", "Row of the map's north-west pixel in the fabric. [original in the middle]", int
@@ -99,12 +120,13 @@ MOST_WHOLE = 1 << 24
     "Grow streets that run through, with quarters of the original city between them, in place of "
     "small groups of cells.",
 )
+@crs_option
 @ids_option("Give one --id for each run folder among the genomes, in the order of the folders")
 @parent_options
 @json_option
 def grow(
-    genomes, width, height, output: Path, seed, top, left, corner, share, share_over, straight,
-    streets, identifiers, reading, coding, as_json, **sizes,
+    genomes, width, height, output: Path | None, tiles, tile, lod, roofs, seed, top, left, corner,
+    share, share_over, straight, streets, crs, identifiers, reading, coding, as_json, **sizes,
 ) -> None:  # fmt: skip
     """Grow an endless city fabric around a city, or between several cities.
 
@@ -119,6 +141,11 @@ def grow(
     district. If you name a map, the command first encodes the map as a genome. With several
     genomes, only the city of the first genome stays unchanged in the fabric. The option --share
     sets the share of copied groups that come from each genome.
+
+    With --tiles, the command writes a folder of tiles of a scene, as evocity scene does. It looks
+    at a strip of the fabric around the map, so tiles of adjacent maps share their buildings. The
+    ground of these tiles and of a scene after -o is one surface, without streets. To divide the
+    ground, write a .tif, and then use evocity scene with --streets.
 
     With --streets, the command first draws avenues and streets without end, and then fills the
     quarters between them. Each quarter shows one place of an original city, turned to the streets
@@ -140,26 +167,32 @@ def grow(
     difference along the outline is above --tolerance. The key "repeated" counts groups that make an
     area appear twice. The key "cell" is the side of a cell, in pixels. The keys "side_min" and
     "side_max" are the smallest and the largest allowed side of a group, in metres. If the command
-    writes a genome, the key "repaired" counts the repaired lifs of the genome. With
-    --streets, groups are quarters. The key "front" then replaces "step" and "repeated": it is the
-    mean built share of a strip along the streets. The key "forced" counts quarters that stay open,
-    because no place fits.
+    writes a genome, the key "repaired" counts the repaired lifs of the genome. With --tiles, the
+    key "tiles" holds the numbers of tiles, files and bytes, and of buildings and triangles by
+    level. With --streets, groups are quarters. The key "front" then replaces "step" and "repeated":
+    it is the mean built share of a strip along the streets. The key "forced" counts quarters that
+    stay open, because no place fits.
     """
     import numpy as np
 
     from evocity.growth import grow as grow_fabric
-    from evocity.io import WINDOW_WRITERS, WRITERS
+    from evocity.io import WINDOW_WRITERS
+    from evocity.io.export.reference_systems import check_placed
     from evocity.io.footprint_files import is_placed, no_geojson
+    from evocity.scene.roofs import level_of
 
-    for genome in genomes:
-        check_output(output, genome, {*WINDOW_WRITERS, *WRITERS, ".parquet"})
-    suffix = output.suffix.lower()
-    if suffix not in WINDOW_WRITERS and width * height > MOST_WHOLE:
+    suffix = _check_outputs(genomes, output, tiles, tile, lod, roofs, crs)
+    lod = level_of(lod, roofs)
+    if (suffix not in WINDOW_WRITERS or tiles is not None) and width * height > MOST_WHOLE:
+        what = "tiles" if tiles is not None else f"a {suffix} file"
         raise EvocityError(
-            f"a map of {height} × {width} px is too large for a {suffix} file",
+            f"a map of {height} × {width} px is too large for {what}",
             f"a map of at most {MOST_WHOLE // 10**6} million pixels, for example 4096 × 4096",
-            "write a .tif or .npy file, or choose a smaller --width or --height",
+            "write a .tif or .npy file, or choose a smaller --width or --height; parts of a fabric "
+            "meet, see --top and --left",
         )
+    if min(width, height) > 0:  # the fabric has its own errors for other sizes
+        check_tile(tiles, tile, height, width)
     if corner and not (top is None and left is None):
         raise EvocityError(
             "--corner cannot be combined with --top or --left",
@@ -172,6 +205,7 @@ def grow(
     codes = parents_of(genomes, identifiers, reading, coding)
     if suffix == ".geojson" and not is_placed(codes[0]):
         raise no_geojson(" × ".join(codes[0].cities))
+    check_placed(codes[0], crs)
     start = time.perf_counter()
     place = (top or 0, left or 0, height, width)
     fabric = grow_fabric(
@@ -192,11 +226,15 @@ def grow(
     with progress_bar(f"growing {fabric.name}") as progress:
         made = {**fabric.made, **fabric.account(progress=progress)}
     seconds = time.perf_counter() - start
-    made |= _write(fabric, output) | {"top": top, "left": left}
+    made |= {"top": top, "left": left}
+    if tiles is not None:  # first, because the folder may hold tiles of another fabric
+        made["tiles"] = _write_tiles(fabric, tiles, tile, lod)
+    if output is not None:
+        made |= _write(fabric, output, lod, crs)
     if as_json:
         keys = (
             "groups", "step", "front", "forced", "repeated", "top", "left", "cell", "side_min",
-            "side_max", "repaired",
+            "side_max", "repaired", "tiles",
         )  # fmt: skip
         print_json({key: made[key] for key in keys if key in made} | {"seconds": seconds})
         return
@@ -210,7 +248,53 @@ def grow(
         echo(line)
     if "repaired" in made:
         echo(f"{made['repaired']} lifs repaired")
-    echo(f"wrote {output}")
+    if output is not None:
+        echo(f"wrote {output}")
+    if tiles is not None:
+        echo(say_tiles(made["tiles"], tiles))
+
+
+def _check_outputs(genomes, output: Path | None, tiles, tile, lod, roofs, crs) -> str:
+    """Return the suffix of the output, or raise `EvocityError`."""
+    from evocity.io import WINDOW_WRITERS, WRITERS
+    from evocity.io.writers import PLACED
+    from evocity.scene import SUFFIXES, suffix_of
+    from evocity.scene.detail import check_format
+    from evocity.scene.export import UNPLACED
+    from evocity.scene.roofs import level_of
+
+    check_outputs(output, tiles, tile, crs)
+    if output is None:
+        return ""
+    check_crs(crs, output, (*PLACED, *(one for one in SUFFIXES if one not in UNPLACED)))
+    scene = _is_scene(output)
+    check_needs("--lod", "a scene or --tiles", lod is not None and not (scene or tiles))
+    check_needs("--roofs", "a scene or --tiles", roofs and not (scene or tiles))
+    if scene:
+        check_format(level_of(lod, roofs), suffix_of(output) or "")
+    for genome in genomes:
+        known = () if scene else {*WINDOW_WRITERS, *WRITERS, ".parquet"}
+        check_output(output, genome, known)
+    return output.suffix.lower()
+
+
+def _is_scene(output: Path) -> bool:
+    """Whether only `evocity.scene` writes files of this name."""
+    from evocity.io import WRITERS
+    from evocity.scene import suffix_of
+
+    suffix = suffix_of(output)
+    return suffix is not None and suffix not in WRITERS
+
+
+def _write_tiles(fabric, folder: Path, tile: int | None, lod: str) -> dict:
+    """Write the tiles of a fabric; returns facts about them."""
+    import evocity
+
+    high, wide = fabric.shape
+    around = (-MARGIN, -MARGIN, high + 2 * MARGIN, wide + 2 * MARGIN)
+    scene = evocity.scene(fabric.city(*around), lod=lod)
+    return write_scene_tiles(scene, folder, tile, MARGIN)
 
 
 def _quality_of(made: dict, seconds: float) -> list[str]:
@@ -235,16 +319,18 @@ def _quality_of(made: dict, seconds: float) -> list[str]:
     return lines
 
 
-def _write(fabric, output: Path) -> dict:
+def _write(fabric, output: Path, lod: str, crs: str | None) -> dict:
     """Write a fabric, as the suffix says; returns facts about a genome."""
     import evocity
     from evocity.io import WINDOW_WRITERS, WRITERS, write_windows
 
     if output.suffix.lower() in WINDOW_WRITERS:
         with progress_bar(f"writing {output.name}") as progress:
-            write_windows(fabric, output, progress)
+            write_windows(fabric, output, progress, crs)
+    elif _is_scene(output):
+        evocity.scene(fabric.city(), lod=lod).write(output, crs=crs)
     elif output.suffix.lower() in WRITERS:
-        evocity.write_map(fabric.city(), output)
+        evocity.write_map(fabric.city(), output, crs=crs)
     else:
         genome = fabric.genome()
         with report_write_errors(output):

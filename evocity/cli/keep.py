@@ -5,9 +5,16 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.shared.checks import check_output
+from evocity.cli.shared.checks import check_crs, check_output
 from evocity.cli.shared.commands import command
-from evocity.cli.shared.options import POSITIVE, at_option, json_option, option, output_option
+from evocity.cli.shared.options import (
+    POSITIVE,
+    at_option,
+    crs_option,
+    json_option,
+    option,
+    output_option,
+)
 from evocity.cli.shared.terminal import echo, print_json
 from evocity.errors import EvocityError, keyword, setting
 
@@ -25,8 +32,11 @@ from evocity.errors import EvocityError, keyword, setting
     required=False,
 )
 @at_option
+@crs_option
 @json_option
-def keep(run: str, count: int, output: Path | None, at: str | None, as_json: bool) -> None:
+def keep(
+    run: str, count: int, output: Path | None, at: str | None, crs: str | None, as_json: bool
+) -> None:
     """Print which individuals of RUN to keep, and why.
 
     The individuals to keep are the best compromise, the best individual for each goal, and a few
@@ -38,6 +48,7 @@ def keep(run: str, count: int, output: Path | None, at: str | None, as_json: boo
     nothing in the run folder.
 
     With --at, the maps, footprints and genomes in a .zip file get the coordinates of a source city.
+    With --crs, the maps, footprints and scenes get another reference system.
 
     The JSON document has the keys "kept" and "untraced". The key "kept" lists the individuals, each
     with the keys "id", "role", "why", "gave_up", "built" and "scores". The key "built" contains the
@@ -47,16 +58,19 @@ def keep(run: str, count: int, output: Path | None, at: str | None, as_json: boo
     """
     if output is not None:
         check_output(output, run, {".png", ".zip"})
-    if at is not None and output is None:
-        raise EvocityError(
-            f"{setting('at', at)} is given without an output file",
-            f"{keyword('output')} together with an output file whose name ends in .zip",
-            f"leave {keyword('at')} out, or write a .zip file",
-        )
+    for name, value in (("at", at), ("crs", crs)):
+        if value is not None and output is None:
+            raise EvocityError(
+                f"{setting(name, value)} is given without an output file",
+                f"{keyword('output')} together with an output file whose name ends in .zip",
+                f"leave {keyword(name)} out, or write a .zip file",
+            )
+    if output is not None:
+        check_crs(crs, output, [".zip"])
     opened = evocity.open_run(run)
     kept = opened.keep(count)
     if output is not None:
-        opened.save(kept, output, at=at)
+        opened.save(kept, output, at=at, crs=crs)
     if as_json:
         listed = [
             {

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 import evocity
-from evocity.cli.shared.checks import check_needs, check_output, check_zoom
+from evocity.cli.shared.checks import check_crs, check_needs, check_output, check_zoom
 from evocity.cli.shared.commands import command
 from evocity.cli.shared.inputs import (
     city_of,
@@ -20,12 +20,24 @@ from evocity.cli.shared.options import (
     FILE,
     WHOLE,
     at_option,
+    crs_option,
     flag,
     id_option,
     json_option,
     map_options,
     option,
     output_option,
+)
+from evocity.cli.shared.scene_options import (
+    check_outputs,
+    check_tile,
+    lod_option,
+    roofs_option,
+    say_tiles,
+    tile_option,
+    tiles_option,
+    triangles_option,
+    write_scene_tiles,
 )
 from evocity.cli.shared.terminal import describe, echo, note, note_compiling, print_json
 from evocity.errors import EvocityError
@@ -38,13 +50,21 @@ DETAIL = 2.2
   evocity scene lyon-1er -o lyon.city.json
   evocity scene lyon.parquet -o lyon.glb
   evocity scene runs/lyon-x-montpellier --id 97 -o bred.glb --angles square --storeys 3
-  evocity scene lyon.parquet -o level.glb --zoom 0.5 --zoom 1 --zoom 2""")
+  evocity scene lyon.parquet -o level.glb --zoom 0.5 --zoom 1 --zoom 2
+  evocity scene lyon-1er -o light.glb --lod 1.2
+  evocity scene lyon-1er --tiles lyon-tiles --tile 128""")
 @click.argument("what", metavar="MAP|GENOME|RUN")
 @output_option(
     "FILE",
     "Scene to write: .city.json (CityJSON 2.0, for GIS), .glb (glTF 2.0, for Blender and "
-    "browsers), .obj (for Rhino), .wrl (VRML97), .x3d, .gpkg (footprints) or .png (a picture)",
+    "browsers), .obj, .3dm (for Rhino), .dxf (for CAD), .wrl (VRML97), .x3d, .stl or .3mf (for "
+    "printers), .gpkg, .fgb or .geoparquet (footprints) or .png (a picture)",
+    required=False,
 )
+@tiles_option
+@tile_option
+@lod_option
+@triangles_option
 @id_option
 @option(
     "--tolerance detail METRES", "Length of the shortest wall segment, in metres.", float, DETAIL
@@ -81,7 +101,22 @@ DETAIL = 2.2
 @option(
     "--seed", "Seed of the random choice between equally suitable objects of --library.", WHOLE, 0
 )
-@flag("--streets", "Add streets: as layers in a .gpkg file, as surfaces in all other files.")
+@flag(
+    "--merge",
+    "In a .glb file, make the objects of a class one mesh with a table of their properties, also "
+    "below 2000 objects.",
+)
+@flag(
+    "--instances",
+    "In a .glb file, store the places of objects that share a mesh, such as trees, as "
+    "EXT_mesh_gpu_instancing.",
+)
+@roofs_option
+@flag(
+    "--streets",
+    "Add streets: as layers in a .gpkg file, and as surfaces in files of solids and pictures. A "
+    ".fgb or .geoparquet file cannot have streets.",
+)
 @option(
     "--colours",
     "Meaning of the roof colours in a .png picture. [classes with --classes, else heights]",
@@ -96,14 +131,21 @@ DETAIL = 2.2
     click.FloatRange(1, 90),
 )
 @option("--width", "Width of a .png picture, in pixels. [900]", click.IntRange(16, 8192))
+@option(
+    "--print-side MM",
+    "Longest side of the print in a .stl or .3mf file, in millimetres. [200]",
+    click.FloatRange(10, 10_000),
+)
 @at_option
+@crs_option
 @map_options
 @json_option
 def scene(
-    what: str, output: Path, identifier, at, detail, angles, storeys, least_area, zoom, classes,
-    library, atmosphere, seed, streets, reading, as_json, **drawn,
+    what: str, output: Path | None, tiles, tile, lod, triangles, identifier, at, detail, angles,
+    storeys, least_area, zoom, classes, library, atmosphere, seed, streets, roofs, merge, instances,
+    print_side, crs, reading, as_json, **drawn,
 ) -> None:  # fmt: skip
-    """Write a map in three dimensions: solids with floors, walls and flat roofs, on the ground.
+    """Write a map in three dimensions: solids with floors, walls and roofs, on the ground.
 
     MAP is a map file or the name of a bundled district, GENOME is a genome file, and RUN is a run
     folder with --id. Walls are straight lines fitted to the pixels. With --angles square, the walls
@@ -111,20 +153,41 @@ def scene(
     with a neighbour, or removed if it has no neighbour. With several --zoom, the command writes one
     file for each zoom factor, such as level-z0.5.glb and level-z1.glb for level.glb.
 
+    With --tiles, the command writes a folder of tiles that meet exactly. A building belongs to one
+    tile as a whole. Ground and streets are cut at the borders of tiles. Each tile has files of the
+    level --lod and of all coarser levels, such as 1.3/0-2.glb for the first row and third column.
+
     The coordinates in the file are metres from the map's south-west corner. The file contains the
     coordinate reference system, the position of the map's south-west corner in this system, and the
-    attribution. Other evocity commands can read a .city.json file that this command wrote.
+    attribution. Other evocity commands can read a .city.json file that this command wrote. With
+    --crs, the coordinates have another reference system, in metres. Only footprints may have
+    degrees. Files for CAD (.dxf, .3dm) need the extra "cad".
+
+    A .stl or .3mf file has the buildings on a plate of 2 mm, in millimetres. Each solid reaches
+    into the plate, so that a slicer joins all solids.
     """
     import numpy as np
 
-    from evocity.scene import check_suffix
+    from evocity.scene import SUFFIXES, check_suffix
+    from evocity.scene.detail import check_format
+    from evocity.scene.export import UNPLACED
+    from evocity.scene.roofs import level_of
 
-    check_suffix(output)
+    check_outputs(output, tiles, tile, crs)
+    check_needs("--triangles", "-o", triangles is not None and output is None)
+    if output is not None:
+        check_crs(crs, output, [one for one in SUFFIXES if one not in UNPLACED])
+    suffix = "" if output is None else check_suffix(output)
     for source in filter(None, (what, classes, library and library / "objects.gpkg")):
-        check_output(output, str(source))
+        if output is not None:
+            check_output(output, str(source))
+    level = level_of(lod, roofs) if triangles is None else ""  # which may choose a coarser level
+    check_format(level, suffix, streets)
+    _check_glb_options(output, suffix, merge=merge, instances=instances)
     note_compiling()
     how = {"detail": detail, "squared": angles == "square", "storeys": storeys}
     how |= {"least_area": least_area, "streets": streets, "measures": _measures(what, identifier)}
+    how |= {"lod": lod, "roofs": roofs, "triangles": triangles}
     if classes is not None:
         from evocity.views.classes import ClassTable
 
@@ -136,37 +199,52 @@ def scene(
         how["library"] = objects if atmosphere is None else objects.of_atmosphere(atmosphere)
     check_needs("--atmosphere", "--library", atmosphere is not None and library is None)
     drawn = {name: value for name, value in drawn.items() if value is not None}
-    if drawn and check_suffix(output) != ".png":
+    if drawn and suffix != ".png":
         name = f"--{next(iter(drawn))}"
         raise EvocityError(
-            f"{name} cannot be used with the output {output.name}",
+            f"{name} cannot be used with the output {output.name if output else 'of --tiles'}",
             "an output file whose name ends in .png",
             f"leave {name} out",
         )
-    if classes is not None and check_suffix(output) == ".png":
+    if classes is not None and suffix == ".png":
         drawn = {"colours": "classes"} | drawn
+    if suffix == ".glb":
+        drawn = {"merge": merge or None, "instances": instances}
+    drawn |= _print_options(output, print_side)
     written = []
     place = {} if at is None else place_at(what, at)
-    for path, city in _levels(what, reading, identifier, zoom, output):
+    for path, city, genome in _levels(what, reading, identifier, zoom, output, tiles is not None):
+        named = _sources(city, genome)
+        check_tile(tiles, tile, *city.shape)
         city = city.replace(city.heights, **place)
-        made = evocity.scene(city, rng=np.random.default_rng(seed), **how)
-        made.write(path, **drawn)
-        written.append((path, made))
+        made = evocity.scene(city, rng=np.random.default_rng(seed), sources=named, **how)
         _note_fitting(made)
+        facts = _facts(made, made.about_in(crs, suffix))
+        if tiles is not None:  # first, because the folder may hold other tiles
+            facts["tiles"] = write_scene_tiles(made, tiles, tile)
+        if output is not None:
+            made.write(path, crs=crs, **drawn)
+            facts = {"file": str(path), "bytes": path.stat().st_size} | facts
+        written.append(facts)
         if not as_json:
             echo(describe(city))
             echo(_summary(made))
-            echo(f"wrote {path}")
+            if output is not None:
+                echo(f"wrote {path}")
+            if tiles is not None:
+                echo(say_tiles(facts["tiles"], tiles))
     if as_json:
-        print_json({"scenes": [_facts(path, made) for path, made in written]})
+        print_json({"scenes": written})
 
 
-def _levels(what: str, reading, identifier, zooms: tuple[float, ...], output: Path):
-    """A path and a map for each level of detail."""
-    if not zooms:
-        yield output, city_of(what, reading, identifier)
+def _levels(
+    what: str, reading, identifier, zooms: tuple[float, ...], output: Path | None, tiled: bool
+):
+    """A path, a map and its genome, or None, for each level of detail."""
+    if not zooms and not (is_code(what) or identifier is not None):
+        yield output, city_of(what, reading, identifier), None
         return
-    if not is_code(what):
+    if zooms and not is_code(what):
         raise EvocityError(
             f"--zoom cannot be used with the map {what}",
             "a genome, because only genomes can be decoded at another zoom",
@@ -174,10 +252,22 @@ def _levels(what: str, reading, identifier, zooms: tuple[float, ...], output: Pa
         )
     from evocity.scene import suffix_of
 
-    refuse_reading(f"the genome {what}", reading)
+    refuse_reading(f"the {'run' if is_run(what) else 'genome'} {what}", reading)
     genome = genome_of(what, identifier)
+    if not zooms:
+        yield output, decode_genome(genome, what, identifier), genome
+        return
     for zoom in zooms:
         check_zoom(genome.pavement, zoom)
+    if len(zooms) == 1:
+        yield output, decode_genome(genome, what, identifier, zooms[0]), genome
+        return
+    if output is None or tiled:
+        raise EvocityError(
+            f"{len(zooms)} × --zoom cannot be used with --tiles",
+            "one zoom factor for tiles",
+            "give --zoom once, or leave --tiles out",
+        )
     ending = len(suffix_of(output))
     stem, suffix = output.name[:-ending], output.name[-ending:]
     named = {f"{zoom:g}": zoom for zoom in zooms}
@@ -190,7 +280,41 @@ def _levels(what: str, reading, identifier, zooms: tuple[float, ...], output: Pa
         )
     for name, zoom in sorted(named.items(), key=lambda level: level[1]):
         path = output.with_name(f"{stem}-z{name}{suffix}") if len(named) > 1 else output
-        yield path, decode_genome(genome, what, identifier, zoom)
+        yield path, decode_genome(genome, what, identifier, zoom), genome
+
+
+def _sources(city, genome) -> list[str]:
+    """The source city of each building of a fabric."""
+    from evocity.fitness.heredity import building_sources
+    from evocity.genome import Genome
+
+    return building_sources(city, genome) if isinstance(genome, Genome) else []
+
+
+def _check_glb_options(output: Path | None, suffix: str, **given: bool) -> None:
+    """Raise `EvocityError` for options of .glb files with an ``output`` of another ``suffix``."""
+    name_of = output.name if output else "of --tiles"
+    if suffix != ".glb":
+        for name in (name for name, on in given.items() if on):
+            raise EvocityError(
+                f"--{name} cannot be used with the output {name_of}",
+                "an output file whose name ends in .glb",
+                f"leave --{name} out",
+            )
+
+
+def _print_options(output: Path | None, side: float | None) -> dict[str, float]:
+    """The options of a file for a printer. Raises `EvocityError` for a ``side`` of another file."""
+    if side is None:
+        return {}
+    name = output.name if output else "of --tiles"
+    if output is None or output.suffix.lower() not in (".stl", ".3mf"):
+        raise EvocityError(
+            f"--print-side cannot be used with the output {name}",
+            "an output file whose name ends in .stl or .3mf",
+            "leave --print-side out",
+        )
+    return {"side": side}
 
 
 def _measures(what: str, identifier: int | None) -> dict[str, float]:
@@ -215,7 +339,7 @@ def _note_fitting(made) -> None:
 
 def _summary(made) -> str:
     walls = made.walls
-    triangles = sum(len(group.mesh.triangles) for group in made.groups)
+    triangles = made.triangle_count
     parts = [f"{len(walls)} buildings, {triangles} triangles"]
     if walls.simplified:
         parts.append(f"{walls.simplified} with walls only simplified")
@@ -223,26 +347,38 @@ def _summary(made) -> str:
         parts.append(f"{walls.stairs} with walls along the pixels")
     if walls.dropped:
         parts.append(f"{walls.dropped} buildings under the least area dropped")
+    if made.lod == "2.2":
+        roofs = _roofs(made)
+        shapes = ", ".join(f"{count} {name}" for name, count in roofs["forms"].items() if count)
+        parts.append(f"roofs: {shapes or 'none'} (heights are those of the {roofs['heights']})")
     if made.substitution is not None:
         fitted = made.substitution.counts["fitted"]
         parts.append(f"{fitted} replaced by objects of the library, {len(walls) - fitted} not")
     return ", ".join(parts)
 
 
-def _facts(path: Path, made) -> dict:
-    walls, about = made.walls, made.about
+def _roofs(made) -> dict:
+    """The number of roofs of each shape, and what the heights of the map measure to."""
+    from evocity.scene.roofs import count_shapes, heights_are_ridges
+
+    ridges = heights_are_ridges(made.city.height_rules, made.city.attribution)
+    return {"forms": count_shapes(made.groups), "heights": "ridges" if ridges else "eaves"}
+
+
+def _facts(made, about) -> dict:
+    walls = made.walls
     return {
-        "file": str(path),
-        "bytes": path.stat().st_size,
         "name": about.name,
         "attribution": about.attribution,
         "crs": about.crs,
         "offset": list(about.offset),
+        "lod": made.lod,
         "buildings": len(walls),
-        "triangles": {group.name: len(group.mesh.triangles) for group in made.groups},
+        "triangles": made.triangle_counts,
         "volume": float(sum(group.volume for group in made.groups)),
         "walls": {key: getattr(walls, key) for key in ("fitted", "simplified", "stairs")},
         "dropped": walls.dropped,
         "classes": made.classes.counts,
+        "roofs": _roofs(made) if made.lod == "2.2" else None,
         "substitution": made.substitution.counts if made.substitution else None,
     }

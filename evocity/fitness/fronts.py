@@ -105,7 +105,7 @@ def facades(city: CityMap) -> Facades:
     left, top = city.north_west
     start = np.stack([top - eye[1], eye[0] - left]) / pixel
     ray = np.stack([-square[1], square[0]])
-    reach = np.tile((graph.width / 2 + DEPTH)[edge] / pixel, 2)
+    reach = np.tile((graph.clear / 2 + DEPTH)[edge] / pixel, 2)
     distance = np.empty(reach.size)
     _kernels.first_walls(city.built, city.open_ground, start, ray, reach, distance)
     front = np.concatenate([2 * edge, 2 * edge + 1])

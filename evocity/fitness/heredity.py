@@ -137,6 +137,27 @@ def source_shares(
     return {name: count / total for name, count in built.items()}
 
 
+def building_sources(city: CityMap, genome: Genome) -> list[str]:
+    """Return the name of the source city of each building, in the order of `CityMap.buildings`: the
+    city of most pixels of the building. A building without a source city has an empty text.
+
+    city : the map of the ``genome``, decoded at any zoom. The function takes about 2 ms for
+        256 × 256 px.
+    """
+    parents, labels = genome.pavement.raster(genome.parent), city.buildings.labels
+    if city.metres_per_pixel == genome.metres_per_pixel:
+        parents = city.of_whole(parents)
+    else:
+        pairs = zip(city.shape, parents.shape, strict=True)
+        parents = parents[np.ix_(*(np.arange(now) * was // now for now, was in pairs))]
+    built, wide = labels > 0, len(genome.cities)
+    pairs = (labels[built].astype(np.int64) - 1) * wide + parents[built]
+    count = len(city.buildings)
+    most = np.bincount(pairs, minlength=count * wide).reshape(count, wide).argmax(axis=1)
+    names = ["" if name == VOID else name for name in genome.cities]
+    return [names[k] for k in most.tolist()]
+
+
 @dataclass(frozen=True, eq=False)
 class WholeBuildings:
     """The buildings of source cities that are whole in the map of a genome, by `integrity`.

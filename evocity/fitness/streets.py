@@ -128,8 +128,8 @@ def edge_features(city: CityMap) -> np.ndarray:
     return np.stack(
         [
             np.log(length + _MORE),
-            np.log(graph.width + _MORE),
-            graph.least / np.maximum(graph.width, 1e-9),
+            np.log(graph.clear + _MORE),
+            graph.least / np.maximum(graph.clear, 1e-9),
             np.log(np.bincount(graph.street, length)[graph.street] + _MORE),
             dead,
             np.minimum(chord / length, 1),

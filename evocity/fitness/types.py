@@ -132,7 +132,8 @@ def object_counts(city: CityMap) -> Mapping[str, float]:
 
     >>> heights = np.zeros((100, 100))
     >>> heights[8:18, 8:18] = 6
-    >>> heights[30::20, 50] = 8  # four lamps
+    >>> for row in (30, 50, 70, 90):
+    ...     heights[row : row + 2, 50:52] = 8  # four posts of 2 m × 2 m
     >>> counts = object_counts(CityMap(heights, 1.0))
     >>> counts["building"], counts["post"]
     (1.0, 4.0)

@@ -38,7 +38,7 @@ def parse_document(content: bytes, name: str) -> dict:
     """Parse a JSON object, {} for other JSON. Raises `MapError` for content that is not JSON, or
     too large."""
     try:
-        if len(content) > SMALL and _estimate_memory(content) > MOST_MEMORY:
+        if len(content) > SMALL and estimate_memory(content) > MOST_MEMORY:
             raise MapError(
                 f"{name} has {content.count(b'[') + content.count(b'{')} lists and objects in "
                 f"{len(content) / 1e6:.0f} MB of JSON, which would take too much memory",
@@ -116,7 +116,7 @@ def _points(row: Sequence) -> np.ndarray:
     return points
 
 
-def _estimate_memory(content: bytes) -> int:
+def estimate_memory(content: bytes) -> int:
     """Estimate the bytes of memory of parsed JSON: of lists, objects, numbers and texts."""
     lists, objects, values = (content.count(sign) for sign in (b"[", b"{", b","))
     return 2 * len(content) + 100 * lists + 250 * objects + 40 * values

@@ -1,170 +1,338 @@
-"""Binary glTF 2.0, y up: a mesh for each group, and for each shape with several copies."""
+"""Binary glTF 2.0, y up: a node for each object, or a mesh for each group."""
 
-import json
-import math
-import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
+from evocity.formats.facets import Facets, facets
+from evocity.formats.gltf_document import MOST, Document, short, shortest
+from evocity.formats.gltf_properties import add_property_table
+from evocity.formats.materials import (
+    TILE,
+    Material,
+    is_surface,
+    linear,
+    materials_of,
+    names_of,
+    properties_of,
+    tiles_of,
+)
 from evocity.formats.solids import About, Copies, Group, Mesh
+from evocity.formats.trees import form_of, mesh_of, places_of
 
-# numbers of the specification
-_FLOAT, _UINT16, _UINT32 = 5126, 5123, 5125
-_ARRAY, _ELEMENTS = 34962, 34963
-
-# 16-bit indices stay below this: it would begin a new strip.
-_MOST = 2**16 - 1
+#: Objects from which on a scene has a mesh for each group.
+MANY = 2000
+_INSTANCING = "EXT_mesh_gpu_instancing"
 
 
-def glb(groups: Sequence[Group], about: About) -> bytes:
-    """Write the bytes of a .glb (Khronos, glTF 2.0 specification): a node, a mesh and a material
-    for each group, colours linear.
+def glb(
+    groups: Sequence[Group], about: About, merge: bool | None = None, instances: bool = False
+) -> bytes:
+    """Write the bytes of a .glb (Khronos, glTF 2.0 specification): a node for each group, and below
+    it a node for each object, with its name and properties. Colours are linear.
 
-    A shape with two copies or more in a group has its own mesh, and each copy is a node below the
-    group's. A mirrored copy has a scale of x below 0, which reverses its triangles (3.7.4). There
-    are no normals: viewers make flat ones (3.7.2.1), so walls share corners.
+    merge : whether objects of a group are one mesh, with EXT_mesh_features and a property table;
+        None merges scenes of `MANY` objects or more. With ``instances``, objects that share a shape
+        stay apart.
+    instances : whether objects of one shape are an EXT_mesh_gpu_instancing, and not nodes.
+
+    A shape with two copies or more in a group has its own mesh, which the nodes of copies share.
+    Trees and posts share a mesh too. A mirrored copy has a scale of x below 0, which reverses its
+    triangles (3.7.4). Faces are flat: each has its own corners, with normals and texture
+    coordinates (`evocity.formats.facets`).
     """
     place = {"crs": about.crs or "", "offset": list(about.offset), "attribution": about.attribution}
-    document = {
-        "asset": {"version": "2.0", "generator": "evocity", "copyright": about.attribution},
-        "scene": 0,
-        # viewers such as Blender only keep the extras of a scene
-        "scenes": [{"name": about.name, "nodes": [], "extras": place}],
-        "nodes": [],
-        "meshes": [],
-        "materials": [],
-        "accessors": [],
-        "bufferViews": [],
-    }
-    if not about.attribution:
-        del document["asset"]["copyright"]
-    parts: list[bytes] = []
+    asset = {"version": "2.0", "generator": "evocity"}
+    if about.attribution:
+        asset["copyright"] = about.attribution
+    roots: list[int] = []
+    # viewers such as Blender only keep the extras of a scene
+    scene = {"name": about.name, "nodes": roots, "extras": place}
+    members = {"asset": asset, "scene": 0, "scenes": [scene], "nodes": [], "meshes": []}
+    document = Document(members)
+    if merge is None:
+        merge = sum(len(group) for group in groups if not is_surface(group)) >= MANY
+    materials: dict[Material, int] = {}
     for group in groups:
-        mesh = group.mesh
-        if not len(mesh.triangles):
-            continue
-        material = len(document["materials"])
-        document["materials"].append(_material(group))
-        node: dict = {"name": group.name}
-        document["scenes"][0]["nodes"].append(len(document["nodes"]))
-        document["nodes"].append(node)
-        single = _is_single(group)
-        alone = mesh.select(single[mesh.owner])
-        if len(alone.triangles):
-            node["mesh"] = _mesh(document, parts, group.name, alone, material)
-        if not single.all():
-            node["children"] = _copies(document, parts, group.copies, ~single, material)
-    body = b"".join(parts)
-    document["buffers"] = [{"byteLength": len(body)}]
-    text = json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text
-    chunks += struct.pack("<I4s", len(body), b"BIN\0") + body
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+        if len(group) and len(group.mesh.triangles):
+            writer = _Writer(document, group, materials)
+            node: dict[str, Any] = {"name": group.name}
+            roots.append(document.append("nodes", node))
+            if is_surface(group):
+                node["mesh"] = writer.merged(group.mesh, writer.table() if merge else None)
+            else:
+                writer.place(node, merge, instances)
+    return document.data()
 
 
-def _is_single(group: Group) -> np.ndarray:
-    """Mark solids of a group that are not copies, or the only copy of a shape, bool ``(n,)``."""
-    if group.copies is None:
-        return np.ones(len(group), bool)
-    of = group.copies.of
-    return (np.bincount(of + 1, minlength=1)[of + 1] < 2) | (of < 0)
+class _Writer:
+    """Adds meshes and nodes of one group to a document."""
 
+    def __init__(self, document: Document, group: Group, materials: dict[Material, int]):
+        self.document, self.group = document, group
+        self._materials = [self._material(one, materials) for one in materials_of(group)]
+        self._split = self._materials[0] != self._materials[1]
 
-def _copies(document: dict, parts: list[bytes], copies: Copies, chosen, material: int) -> list[int]:
-    """Add nodes of the copies ``chosen``, bool ``(n,)``, and return their numbers."""
-    shapes, nodes = copies.mesh, document["nodes"]
-    meshes = {
-        shape: _mesh(
-            document, parts, copies.names[shape], shapes.select(shapes.owner == shape), material
-        )
-        for shape in np.unique(copies.of[chosen]).tolist()
-    }
-    first = len(nodes)
-    for k in np.flatnonzero(chosen).tolist():
-        (x, y), (along, across, up) = copies.places[k].tolist(), copies.scales[k].tolist()
-        half = float(copies.turns[k]) / 2
-        shape = int(copies.of[k])
-        node = {"name": copies.names[shape], "mesh": meshes[shape]}
-        node["translation"] = _short(x, 0.0, -y)
-        node["rotation"] = _short(0.0, math.sin(half), 0.0, math.cos(half))
-        node["scale"] = _short(along, up, across)
-        nodes.append(node)
-    return list(range(first, len(nodes)))
+    def _material(self, material: Material, materials: dict[Material, int]) -> int:
+        if material not in materials:
+            look = {
+                "baseColorFactor": [*linear(material.colour), 1.0],
+                "metallicFactor": 0.0,
+                "roughnessFactor": material.roughness,
+            }
+            value = {"name": material.name, "pbrMetallicRoughness": look}
+            materials[material] = self.document.append("materials", value)
+        return materials[material]
 
+    # -- nodes -------------------------------------------------------------------------------------
 
-def _short(*numbers: float) -> list[float]:
-    """Round to the digits of a viewer's numbers."""
-    return [float(f"{number:.9g}") + 0.0 for number in numbers]
+    def place(self, node: dict, merge: bool, instances: bool) -> None:
+        """Place the objects of the group below ``node``."""
+        group, columns = self.group, properties_of(self.group)
+        names, shared = names_of(group), _shared(group)
+        form = form_of(group)
+        if merge and not instances:
+            shared[:] = False
+        elif form is not None:
+            shared[:] = True
+        whole = mesh_of(group)
+        single = whole.select(~shared[whole.owner])
+        table = None
+        if (merge and len(single.triangles)) or (instances and shared.any()):
+            table = self.table()
+        children: list[int] = []
+        if len(single.triangles) and merge:
+            node["mesh"] = self.merged(single, table)
+        elif len(single.triangles):
+            children += self._single(single, names, columns)
+        if shared.any():
+            copies = group.copies if form is None else _copies_of_form(group)
+            mesh = copies.mesh if form is None else form
+            used = np.flatnonzero(shared)
+            if instances:
+                children += self._instanced(copies, mesh, used, table)
+            else:
+                children += self._copies(copies, mesh, used, names, columns)
+        if children:
+            node["children"] = children
 
+    def table(self) -> int:
+        """Add a table with the names and properties of the group's objects; return its index."""
+        columns = {"name": names_of(self.group)} | properties_of(self.group)
+        return add_property_table(self.document, self.group.name, columns)
 
-def _mesh(document: dict, parts: list[bytes], name: str, mesh: Mesh, material: int) -> int:
-    primitives = [
-        {
-            "attributes": {"POSITION": _accessor(document, parts, points, "VEC3", _ARRAY)},
-            "indices": _accessor(document, parts, triangles, "SCALAR", _ELEMENTS),
-            "material": material,
+    def _single(self, mesh: Mesh, names: list[str], columns: dict[str, list]) -> list[int]:
+        """Add nodes of objects with meshes of their own."""
+        made = facets(mesh, np.array(tiles_of(self.group)))
+        owners = np.flatnonzero(np.bincount(made.owner, minlength=len(self.group)))
+        starts = np.searchsorted(made.owner, owners)
+        plan = made.points[:, :2]
+        low, high = (how.reduceat(plan, starts) for how in (np.minimum, np.maximum))
+        origins = np.zeros((len(self.group), 3))
+        origins[owners, :2] = np.round((low + high) / 2, 3)
+        meshes = self._meshes(made, origins, names)
+        nodes = []
+        for k in owners.tolist():
+            x, y, _ = origins[k].tolist()
+            value = {"name": names[k], "mesh": meshes[k], "translation": short(x, 0.0, -y)}
+            nodes.append(self.document.append("nodes", value | _extras(columns, k)))
+        return nodes
+
+    def _copies(
+        self, copies: Copies, mesh: Mesh, used: np.ndarray, names: list[str], columns: dict
+    ) -> list[int]:
+        """Add nodes of the copies ``used``, which share the meshes of their shapes."""
+        meshes = self._shapes(copies, mesh, used)
+        moves = _moves(copies)
+        nodes = []
+        for k in used.tolist():
+            value: dict[str, Any] = {"name": names[k], "mesh": meshes[int(copies.of[k])]}
+            value |= {key: short(*rows[k].tolist()) for key, rows in moves.items()}
+            nodes.append(self.document.append("nodes", value | _extras(columns, k)))
+        return nodes
+
+    def _instanced(self, copies: Copies, mesh: Mesh, used: np.ndarray, table) -> list[int]:
+        """Add a node of each shape, with the places of its copies."""
+        document = self.document
+        document.use(_INSTANCING, required=True)
+        document.use("EXT_instance_features")
+        meshes, moves = self._shapes(copies, mesh, used), _moves(copies)
+        nodes = []
+        for shape, number in meshes.items():
+            own = used[copies.of[used] == shape]
+            attributes = {
+                key.upper(): document.array(f"instances {key}", rows[own].astype(np.float32))
+                for key, rows in moves.items()
+            }
+            ids = own.astype(np.float32)
+            attributes["_FEATURE_ID_0"] = document.array("instances", ids)
+            feature = {"featureCount": len(own), "attribute": 0, "propertyTable": table}
+            extensions = {
+                _INSTANCING: {"attributes": attributes},
+                "EXT_instance_features": {"featureIds": [feature]},
+            }
+            node = {"name": copies.names[shape], "mesh": number, "extensions": extensions}
+            nodes.append(document.append("nodes", node))
+        return nodes
+
+    # -- meshes ------------------------------------------------------------------------------------
+
+    def _shapes(self, copies: Copies, mesh: Mesh, used: np.ndarray) -> dict[int, int]:
+        shapes = np.unique(copies.of[used])
+        chosen = mesh.select(np.isin(mesh.owner, shapes))
+        made = facets(chosen, np.full(len(copies.names), TILE))
+        return self._meshes(made, np.zeros((len(copies.names), 3)), list(copies.names))
+
+    def _meshes(self, made: Facets, origins: np.ndarray, names: list[str]) -> dict[int, int]:
+        """Add a mesh for each solid, in metres from its origin; their indices by solid."""
+        primitives = self._primitives(made, made.points - origins[made.owner], made.owner, made.of)
+        return {
+            k: self.document.append("meshes", {"name": names[k], "primitives": own})
+            for k, own in primitives.items()
         }
-        for points, triangles in _parts(mesh)
-    ]
-    document["meshes"].append({"name": name, "primitives": primitives})
-    return len(document["meshes"]) - 1
+
+    def merged(self, mesh: Mesh, table: int | None = None) -> int:
+        """Add one mesh of all solids of a ``mesh``, with the property table ``table``."""
+        made = facets(mesh, np.array(tiles_of(self.group)))
+        chunk = _chunks(made.owner)
+        primitives = self._primitives(made, made.points, chunk[made.owner], chunk[made.of], table)
+        listed = [one for own in primitives.values() for one in own]
+        value = {"name": self.group.name, "primitives": listed}
+        return self.document.append("meshes", value)
+
+    def _primitives(
+        self,
+        made: Facets,
+        points: np.ndarray,
+        corner: np.ndarray,
+        triangle: np.ndarray,
+        table: int | None = None,
+    ) -> dict[int, list[dict]]:
+        """Add primitives: walls and roofs of each batch, which share their corners. The arrays
+        ``corner`` and ``triangle`` are the batch of each corner and triangle, in rising order. With
+        a property ``table``, corners have the number of their solid. Returns the primitives of
+        each batch."""
+        document = self.document
+        numbers, starts = np.unique(corner, return_index=True)
+        counts = np.diff(np.r_[starts, len(corner)])
+        placed = _y_up(points)
+        at = {
+            "POSITION": document.add("POSITION", placed, "vertices"),
+            "NORMAL": document.add("NORMAL", _y_up(made.normals), "vertices"),
+            # glTF counts v downwards
+            "TEXCOORD_0": document.add(
+                "TEXCOORD_0", (made.uv * (1, -1) + 0.0).astype(np.float32), "vertices"
+            ),
+        }
+        kinds = {"POSITION": ("VEC3", 12), "NORMAL": ("VEC3", 12), "TEXCOORD_0": ("VEC2", 8)}
+        extension = ""
+        if table is not None:
+            extension = document.use("EXT_mesh_features")
+            ids = made.owner.astype(np.float32)
+            at["_FEATURE_ID_0"] = document.add("_FEATURE_ID_0", ids, "vertices")
+            kinds["_FEATURE_ID_0"] = ("SCALAR", 4)
+        low = shortest(np.minimum.reduceat(placed, starts))
+        high = shortest(np.maximum.reduceat(placed, starts))
+        batch = np.searchsorted(numbers, triangle)
+        local = made.triangles - starts[batch][:, None]
+        indices = self._indices(local, batch, counts < MOST, made.of_roof & self._split)
+        found = {}
+        for k, (number, first, count) in enumerate(
+            zip(numbers.tolist(), starts.tolist(), counts.tolist(), strict=True)
+        ):
+            attributes = {}
+            for name, (kind, stride) in kinds.items():
+                bounds = (low[k], high[k]) if name == "POSITION" else ()
+                offset = at[name] + first * stride
+                attributes[name] = document.accessor(name, offset, count, "<f4", kind, bounds)
+            shared: dict[str, Any] = {"attributes": attributes}
+            if table is not None:
+                objects = len(np.unique(made.owner[first : first + count]))
+                feature = {"featureCount": objects, "attribute": 0, "propertyTable": table}
+                shared["extensions"] = {extension: {"featureIds": [feature]}}
+            found[number] = [
+                {"indices": own, "material": self._materials[roof]} | shared
+                for roof, own in indices[k]
+            ]
+        return found
+
+    def _indices(
+        self, local: np.ndarray, batch: np.ndarray, small: np.ndarray, roof: np.ndarray
+    ) -> list[list[tuple[int, int]]]:
+        """Add the triangles of batches, of 16 bits where a batch is ``small``. Returns for each
+        batch its parts: 0 for walls or 1 for roofs, and the index of the accessor."""
+        document = self.document
+        found: list[list[tuple[int, int]]] = [[] for _ in range(len(small))]
+        part = batch * 2 + roof
+        order = np.argsort(part, kind="stable")
+        local, part = local[order], part[order]
+        for chosen, kind in ((small, "<u2"), (~small, "<u4")):
+            own = chosen[part // 2]
+            if not own.any():
+                continue
+            pool, step = f"indices {kind}", 3 * int(kind[2])
+            at = document.add(pool, local[own].astype(kind).ravel(), "indices")
+            parts, counts = np.unique(part[own], return_counts=True)
+            for key, count in zip(parts.tolist(), counts.tolist(), strict=True):
+                accessor = document.accessor(pool, at, 3 * count, kind, "SCALAR")
+                found[key // 2].append((key % 2, accessor))
+                at += count * step
+        return found
 
 
-def _parts(mesh: Mesh) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield points, y up, and triangles as indices of them, of whole solids; so few at once that
-    indices have 16 bits, unless a single solid has more."""
-    order = np.argsort(mesh.owner, kind="stable")
-    triangles, owner = mesh.triangles[order], mesh.owner[order]
-    solids = np.flatnonzero(np.r_[True, owner[1:] != owner[:-1]])
-    most = np.diff(np.r_[solids, len(owner)]) + 2  # points of so many connected triangles
-    begin, count = 0, 0
-    for solid, own in zip(solids.tolist(), most.tolist(), strict=True):
-        if solid > begin and count + own > _MOST:
-            yield _index_points(mesh.points, triangles[begin:solid])
-            begin, count = solid, 0
-        count += own
-    yield _index_points(mesh.points, triangles[begin:])
+def _shared(group: Group) -> np.ndarray:
+    """Mark solids of a ``group`` that share a shape with another, bool ``(n,)``."""
+    if group.copies is None:
+        return np.zeros(len(group), bool)
+    of = group.copies.of
+    return (np.bincount(of + 1, minlength=1)[of + 1] > 1) & (of >= 0)
 
 
-def _index_points(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    used, index = np.unique(triangles, return_inverse=True)
-    x, y, z = points[used].T
-    return np.stack([x, z, -y + 0.0], axis=1).astype(np.float32), index.ravel()
-
-
-def _material(group: Group) -> dict:
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in group.colour]
-    return {
-        "name": group.name,
-        "pbrMetallicRoughness": {
-            "baseColorFactor": [*(round(c, 6) for c in linear), 1.0],
-            "metallicFactor": 0.0,
-            "roughnessFactor": 0.9,
-        },
-    }
-
-
-def _accessor(document: dict, parts: list[bytes], array, kind: str, target: int) -> int:
-    component = _FLOAT
-    if target == _ELEMENTS:
-        small = array.max() < _MOST
-        component = _UINT16 if small else _UINT32
-        array = array.astype(np.uint16 if small else np.uint32)
-    data = array.tobytes()
-    offset = sum(map(len, parts))
-    parts.append(data + b"\0" * (-len(data) % 4))
-    document["bufferViews"].append(
-        {"buffer": 0, "byteOffset": offset, "byteLength": len(data), "target": target}
+def _copies_of_form(group: Group) -> Copies:
+    """Return trees or posts as copies of their form."""
+    middles, sizes = places_of(group)
+    count = len(group)
+    return Copies(
+        names=(group.name,),
+        polygons=np.empty(0, object),
+        heights=np.ones(1),
+        of=np.zeros(count, int),
+        scales=np.stack([sizes[:, 0], sizes[:, 0], sizes[:, 1]], axis=1),
+        turns=np.zeros(count),
+        places=middles,
     )
-    accessor = {
-        "bufferView": len(document["bufferViews"]) - 1,
-        "componentType": component,
-        "count": len(array),
-        "type": kind,
+
+
+def _moves(copies: Copies) -> dict[str, np.ndarray]:
+    """Return translations, rotations (quaternions) and scales of ``copies``, y up."""
+    x, y = copies.places.T
+    along, across, up = copies.scales.T
+    half, zero = copies.turns / 2, np.zeros(len(x))
+    return {
+        "translation": np.stack([x, zero, -y], axis=1),
+        "rotation": np.stack([zero, np.sin(half), zero, np.cos(half)], axis=1),
+        "scale": np.stack([along, up, across], axis=1),
     }
-    if target == _ARRAY:
-        accessor |= {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}
-    document["accessors"].append(accessor)
-    return len(document["accessors"]) - 1
+
+
+def _extras(columns: dict[str, list], k: int) -> dict[str, dict]:
+    values = {name: column[k] for name, column in columns.items()}
+    return {"extras": {name: value for name, value in values.items() if value is not None}}
+
+
+def _y_up(points: np.ndarray) -> np.ndarray:
+    x, y, z = points.T
+    return np.stack([x, z, -y + 0.0], axis=1).astype(np.float32)
+
+
+def _chunks(owner: np.ndarray) -> np.ndarray:
+    """Number batches of whole solids, by solid. A batch has so few corners that indices have 16
+    bits, unless a single solid has more. ``owner``: the solid of each corner."""
+    found, number, corners = [], 0, 0
+    for own in np.bincount(owner).tolist():
+        if corners and corners + own >= MOST:
+            number, corners = number + 1, 0
+        corners += own
+        found.append(number)
+    return np.array(found, int)

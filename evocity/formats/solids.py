@@ -1,15 +1,15 @@
 """Solids as arrays: prisms on polygons, in metres from a local corner, and their triangles."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import shapely
 
-#: Parts of a solid to which triangles belong.
-FLOOR, WALL, ROOF = 0, 1, 2
+from evocity.formats.kerbs import kerb_edges
+from evocity.formats.shells import FLOOR, ROOF, WALL, Shells, match_corners
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,7 @@ class About:
         float64 ``(n, 2)`` from ``crs`` to it; else None.
     window : for reading a map again: (x, y) of a square window's middle in ``crs``, and metres a
         pixel.
+    lod : level of detail of the solids, one of `evocity.scene.detail.LEVELS`.
     """
 
     name: str
@@ -33,6 +34,7 @@ class About:
     window: tuple[float, float, float]
     measures: Mapping[str, float] = field(default_factory=dict)
     grid: tuple[str, Callable[[np.ndarray], np.ndarray]] | None = None
+    lod: str = "1.3"
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +57,11 @@ class Copies:
     turns: np.ndarray
     places: np.ndarray
 
+    def take(self, rows: np.ndarray) -> "Copies":
+        """Return the solids at ``rows``, int ``(k,)``, as copies of the same shapes."""
+        places = {key: getattr(self, key)[rows] for key in ("of", "scales", "turns", "places")}
+        return replace(self, **places)
+
     @cached_property
     def mesh(self) -> "Mesh":
         """The shapes as triangles."""
@@ -63,16 +70,23 @@ class Copies:
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Solids of one kind and colour: prisms on polygons, or surfaces of height 0.
+    """Solids of one kind and colour: prisms on polygons, surfaces of height 0, or solids with
+    pitched roofs.
 
     name : the kind.
     colour : sRGB, three numbers of 0…1.
     polygons : objects ``(n,)``, valid shapely polygons, metres from the south-west corner, x to the
         east, y to the north.
-    heights : float64 ``(n,)``, metres.
+    heights : float64 ``(n,)``, metres: of the highest points.
     attributes : lists of n values by name: text, whole numbers, numbers, or None.
     city_object : CityJSON's type of all of them; or a list of the type of each.
     copies : the solids that are copies of shapes, also in `polygons` and `heights`; or None.
+    floors : whether `mesh` has the floors, which nobody sees.
+    roofs : walls and roofs of the solids that have pitched roofs; all others are prisms. None if
+        all solids are prisms.
+    level : height of surfaces, metres, 0 or less: carriageways lie below the ground beside them.
+    kerbs : shapely lines along which a low wall leads from the level of surfaces up to the ground;
+        or None.
     """
 
     name: str
@@ -82,9 +96,29 @@ class Group:
     attributes: Mapping[str, list[Any]] = field(default_factory=dict)
     city_object: str | Sequence[str] = "Building"
     copies: Copies | None = None
+    floors: bool = True
+    roofs: Shells | None = None
+    level: float = 0.0
+    kerbs: shapely.Geometry | None = None
 
     def __len__(self) -> int:
         return len(self.polygons)
+
+    def take(self, rows: np.ndarray) -> "Group":
+        """Return the solids at ``rows``, int ``(k,)``."""
+        kinds = self.city_object
+        return replace(
+            self,
+            polygons=self.polygons[rows],
+            heights=self.heights[rows],
+            attributes={
+                name: [column[row] for row in rows.tolist()]
+                for name, column in self.attributes.items()
+            },
+            city_object=kinds if isinstance(kinds, str) else [kinds[row] for row in rows.tolist()],
+            copies=None if self.copies is None else self.copies.take(rows),
+            roofs=None if self.roofs is None else self.roofs.take(rows),
+        )
 
     @property
     def city_objects(self) -> Sequence[str]:
@@ -95,7 +129,11 @@ class Group:
     @property
     def volume(self) -> float:
         """Volume of all, m³."""
-        return float(shapely.area(self.polygons) @ self.heights)
+        if self.roofs is None:
+            return float(shapely.area(self.polygons) @ self.heights)
+        mesh = self.mesh
+        a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
+        return float((a * np.cross(b, c)).sum() / 6)
 
     @cached_property
     def rings(self) -> "Rings":
@@ -105,7 +143,10 @@ class Group:
     @cached_property
     def mesh(self) -> "Mesh":
         """The solids as triangles."""
-        return _mesh(self.polygons, self.rings, self.heights)
+        mesh = _mesh(self.polygons, self.rings, self.heights, self.roofs)
+        if self.level:
+            mesh = _sink(mesh, self.rings, self.level, self.kerbs)
+        return mesh if self.floors else mesh.select(mesh.part != FLOOR)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,21 +197,13 @@ class Mesh:
     y, z up, metres; the solid (``owner``) and `FLOOR`, `WALL` or `ROOF` (``part``) of each triangle
     ``(t,)``.
 
-    triangles : int32 ``(t, 3)``, counterclockwise from outside; the second halves of walls follow
-        all first halves, in the same order.
+    triangles : int32 ``(t, 3)``, counterclockwise from outside.
     """
 
     points: np.ndarray
     triangles: np.ndarray
     owner: np.ndarray
     part: np.ndarray
-
-    @property
-    def quads(self) -> tuple[np.ndarray, np.ndarray]:
-        """Walls of four corners, each of two triangles: int32 ``(w, 4)``, and the solid of each."""
-        halves, owner = self.triangles[self.part == WALL], self.owner[self.part == WALL]
-        count = len(halves) // 2
-        return np.column_stack([halves[:count], halves[count:, 2]]), owner[:count]
 
     def select(self, chosen: np.ndarray) -> "Mesh":
         """Select the triangles ``chosen``, bool ``(t,)``."""
@@ -195,36 +228,62 @@ def rings_of(polygons: np.ndarray) -> Rings:
     return Rings(points[~last], np.concatenate([[0], np.cumsum(counts)]), of)
 
 
-def number_rows(rows: np.ndarray) -> np.ndarray:
-    """Number the ``rows`` from 0 on, int64 ``(n,)``: equal rows have equal numbers."""
-    order = np.lexsort(rows.T[::-1])
-    found = np.zeros(len(rows), np.int64)
-    found[order[1:]] = np.cumsum((rows[order[1:]] != rows[order[:-1]]).any(axis=1))
-    return found
-
-
-def _mesh(polygons: np.ndarray, rings: Rings, heights: np.ndarray) -> Mesh:
+def _mesh(
+    polygons: np.ndarray, rings: Rings, heights: np.ndarray, roofs: Shells | None = None
+) -> Mesh:
     points, owner, after = rings.points, rings.owner, rings.after
     count = len(points)
+    prism = np.ones(len(polygons), bool) if roofs is None else ~roofs.owned(len(polygons))
+    raised = prism[owner]
+    above = count + np.cumsum(raised) - 1  # the point above each point
     # walls: from each point to the next of its ring
-    a = np.flatnonzero(heights[owner] > 0)
+    a = np.flatnonzero((heights[owner] > 0) & raised)
     b = after[a]
     walls = np.concatenate(
-        [np.stack([a, b, b + count], axis=1), np.stack([a, b + count, a + count], axis=1)]
+        [np.stack([a, b, above[b]], axis=1), np.stack([a, above[b], above[a]], axis=1)]
     )
     floor, of_floor = _triangles(polygons, points, owner)
     high = heights[of_floor] > 0
-    roofs = np.where(high[:, None], floor + count, floor)
+    flat = prism[of_floor]
+    tops = np.where(high[:, None], above[floor], floor)[flat]
     floors, of_floors = floor[high][:, ::-1], of_floor[high]
-    below = np.column_stack([points, np.zeros(count)])
-    above = np.column_stack([points, heights[owner]])
-    parts = (floors, walls, roofs)
-    owners = (of_floors, np.r_[owner[a], owner[a]], of_floor)
+    parts = [floors, walls, tops]
+    owners = [of_floors, np.r_[owner[a], owner[a]], of_floor[flat]]
+    part = [np.full(len(rows), kind) for rows, kind in zip(parts, (FLOOR, WALL, ROOF), strict=True)]
+    tall = np.column_stack([points, heights[owner]])[raised]
+    levels = [np.column_stack([points, np.zeros(count)]), tall]
+    if roofs is not None:
+        first = rings.starts[rings.first(len(polygons))]
+        of_face = np.repeat(np.arange(len(roofs.owner)), np.diff(roofs.starts))
+        ground = first[roofs.owner[of_face]] - 1 - roofs.corners
+        corner = np.where(roofs.corners < 0, ground, roofs.corners + count + len(tall))
+        parts.append(corner[roofs.triangles])
+        owners.append(roofs.owner[roofs.of])
+        part.append(roofs.part[roofs.of])
+        levels.append(roofs.points)
     return Mesh(
-        points=np.concatenate([below, above]),
+        points=np.concatenate(levels),
         triangles=np.concatenate(parts).astype(np.int32).reshape(-1, 3),
         owner=np.concatenate(owners).astype(np.int32),
-        part=np.repeat(np.array([FLOOR, WALL, ROOF], np.uint8), [len(one) for one in parts]),
+        part=np.concatenate(part).astype(np.uint8),
+    )
+
+
+def _sink(mesh: Mesh, rings: Rings, level: float, kerbs: shapely.Geometry | None) -> Mesh:
+    """Lower the surfaces of a ``mesh`` to ``level``, metres, and add a wall up to the ground on
+    each edge of ``rings`` that lies on ``kerbs``. These walls face the surface."""
+    points = mesh.points.copy()
+    points[:, 2] = level
+    a = kerb_edges(rings.points, rings.after, kerbs)
+    b = rings.after[a]
+    first, second = (len(points) + k * len(a) + np.arange(len(a)) for k in range(2))
+    tops = np.concatenate([rings.points[a], rings.points[b]])
+    halves = [np.stack([b, a, first], axis=1), np.stack([b, first, second], axis=1)]
+    return Mesh(
+        points=np.concatenate([points, np.column_stack([tops, np.zeros(len(tops))])]),
+        triangles=np.concatenate([mesh.triangles, *halves]).astype(np.int32),
+        owner=np.concatenate([mesh.owner, np.tile(rings.owner[a], 2)]).astype(np.int32),
+        part=np.concatenate([mesh.part, np.full(2 * len(a), WALL, np.uint8)]),
     )
 
 
@@ -241,9 +300,4 @@ def _triangles(
     (ax, ay), (bx, by) = ((corners[:, k] - corners[:, 0]).T for k in (1, 2))
     clockwise = ax * by < ay * bx
     corners[clockwise] = corners[clockwise, ::-1]
-    ends = np.column_stack([np.repeat(of, 3), corners.reshape(-1, 2)])
-    number = number_rows(np.concatenate([np.column_stack([owner, points]), ends]))
-    own, ends = number[: len(points)], number[len(points) :]
-    first = np.empty(number.max() + 1, np.int64)
-    first[own[::-1]] = np.arange(len(own))[::-1]
-    return first[ends].reshape(-1, 3), of
+    return match_corners(corners, of, points, owner), of

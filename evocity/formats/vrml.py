@@ -1,8 +1,8 @@
 """VRML97, the format of the papers (Marsault 2002 §5.6), and its successor X3D; y up.
 
-Each group is a Group, each solid a Shape: an Extrusion, or an IndexedFaceSet if it has courtyards.
-Lengths are whole millimetres from the north-west corner, which makes short numbers; a Transform
-converts them to metres from the south-west corner.
+Each group is a Group, each solid a Shape with the name of the object: an IndexedFaceSet. Lengths
+are whole millimetres from the north-west corner, which makes short numbers; a Transform converts
+them to metres from the south-west corner.
 """
 
 import math
@@ -10,23 +10,19 @@ from collections.abc import Iterator, Sequence
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-import shapely
 
-from evocity.formats.solids import WALL, About, Group
+from evocity.formats.facets import pair_walls
+from evocity.formats.materials import materials_of, names_of
+from evocity.formats.solids import About, Group
+from evocity.formats.trees import mesh_of
 
 #: The unit of lengths, metres.
 GRAIN = 1e-3
 _SCALE = f"{GRAIN} {GRAIN} {GRAIN}"
 
-# Geometries: a prism by its cross-section and height, anything else by its points and faces.
-_VRML97 = (
-    "Extrusion{{convex FALSE crossSection[{}]spine[0 0 0 0 {} 0]}}",
-    "IndexedFaceSet{{coord Coordinate{{point[{}]}}coordIndex[{}]}}",
-)
-_X3D = (
-    '<Extrusion convex="false" crossSection="{}" spine="0 0 0 0 {} 0"/>',
-    '<IndexedFaceSet coordIndex="{1}"><Coordinate point="{0}"/></IndexedFaceSet>',
-)
+# Geometries by their points and faces.
+_VRML97 = "IndexedFaceSet{{coord Coordinate{{point[{}]}}coordIndex[{}]}}"
+_X3D = '<IndexedFaceSet coordIndex="{1}"><Coordinate point="{0}"/></IndexedFaceSet>'
 
 
 def vrml97(groups: Sequence[Group], about: About) -> str:
@@ -38,19 +34,21 @@ def vrml97(groups: Sequence[Group], about: About) -> str:
     parts.append(_viewpoint(about))
     deep = _ground_depth(about)
     parts.append(f"Transform {{ translation 0 0 {-deep * GRAIN:.10g} scale {_SCALE} children [")
-    for name, colour, geometries in _fill_templates(groups, deep, _VRML97):
-        look = f"DEF {name}-look Appearance {{ material Material {{ diffuseColor {colour} }} }}"
+    for group, name, material, colour in _listed(groups):
+        look = f"DEF {material}-material Material {{ diffuseColor {colour} }}"
+        look = f"DEF {material}-look Appearance {{ material {look} }}"
         parts.append(f"DEF {name} Group {{ children [")
-        for geometry in geometries:
-            parts.append(f"Shape{{appearance {look} geometry {geometry}}}")
-            look = f"USE {name}-look"
+        for own, geometry in _geometries(group, deep, _VRML97):
+            # Blender reads nothing behind USE on its line
+            parts.append(f"DEF {own} Shape{{appearance {look}\ngeometry {geometry}}}")
+            look = f"USE {material}-look"
         parts.append("] }")
     return "\n".join([*parts, "] }", ""])
 
 
 def x3d(groups: Sequence[Group], about: About) -> str:
-    """Write the text of an .x3d, XML: the profile Interchange, with the level of Geometry3D that
-    has extrusions. Source: ISO/IEC 19776-1, X3D 3.3."""
+    """Write the text of an .x3d, XML: the profile Interchange. Source: ISO/IEC 19776-1, X3D
+    3.3."""
     metas = {
         "title": about.name,
         "rights": about.attribution,
@@ -64,7 +62,6 @@ def x3d(groups: Sequence[Group], about: About) -> str:
         '"https://www.web3d.org/specifications/x3d-3.3.dtd">',
         '<X3D profile="Interchange" version="3.3">',
         "<head>",
-        '<component name="Geometry3D" level="4"/>',
         *(
             f'<meta name="{name}" content={quoteattr(text)}/>'
             for name, text in metas.items()
@@ -75,25 +72,31 @@ def x3d(groups: Sequence[Group], about: About) -> str:
     ]
     deep = _ground_depth(about)
     parts.append(f'<Transform translation="0 0 {-deep * GRAIN:.10g}" scale="{_SCALE}">')
-    for name, colour, geometries in _fill_templates(groups, deep, _X3D):
-        material = f'<Material diffuseColor="{colour}"/>'
-        look = f'<Appearance DEF="{name}-look">{material}</Appearance>'
+    for group, name, material, colour in _listed(groups):
+        look = f'<Material DEF="{material}-material" diffuseColor="{colour}"/>'
+        look = f'<Appearance DEF="{material}-look">{look}</Appearance>'
         parts.append(f'<Group DEF="{name}">')
-        for geometry in geometries:
-            parts.append(f"<Shape>{look}{geometry}</Shape>")
-            look = f'<Appearance USE="{name}-look"/>'
+        for own, geometry in _geometries(group, deep, _X3D):
+            parts.append(f'<Shape DEF="{own}">{look}{geometry}</Shape>')
+            look = f'<Appearance USE="{material}-look"/>'
         parts.append("</Group>")
     return "\n".join([*parts, "</Transform>", "</Scene>", "</X3D>", ""])
 
 
-def _fill_templates(
-    groups: Sequence[Group], deep: int, templates: tuple[str, str]
-) -> Iterator[tuple[str, str, list[str]]]:
+def _listed(groups: Sequence[Group]) -> Iterator[tuple[Group, str, str, str]]:
+    """Yield each group with solids, with its name, the name of its material, and its colour."""
     for group in groups:
         if len(group):
             colour = " ".join(f"{c:.4g}" for c in group.colour)
-            name = "".join(c if c.isascii() and c.isalnum() else "_" for c in group.name)
-            yield name, colour, _geometries(group, deep, *templates)
+            walls, roofs = materials_of(group)
+            material = (walls if walls.colour == group.colour else roofs).name
+            yield group, _word(group.name), _word(material), colour
+
+
+def _word(text: str) -> str:
+    """Replace characters that names of nodes cannot hold."""
+    word = "".join(c if c.isascii() and (c.isalnum() or c == "-") else "_" for c in text)
+    return word if word[:1].isalpha() else f"_{word}"
 
 
 def _viewpoint(about: About) -> str:
@@ -110,52 +113,34 @@ def _ground_depth(about: About) -> int:
     return math.ceil(about.size[1] / GRAIN)
 
 
-def _geometries(group: Group, deep: int, prism: str, faced: str) -> list[str]:
-    plain = (group.heights > 0) & (shapely.get_num_interior_rings(group.polygons) == 0)
-    tall = np.round(group.heights / GRAIN).astype(np.int64).tolist()
-    texts = [""] * len(group)
-    rings = group.rings.on_grid(GRAIN)
-    at = rings.starts[rings.first(len(group))].tolist()
-    corners = _corners(rings.points, deep, "{} {}")
-    for k in np.flatnonzero(plain).tolist():
-        section = corners[at[k] : at[k + 1]]
-        texts[k] = prism.format(" ".join([*section, section[0]]), tall[k])
-    if plain.all():
-        return texts
-    at = group.rings.starts[group.rings.first(len(group))].tolist()
-    corners = _corners(group.rings.points / GRAIN, deep, "{} %d {}")
-    faces = _faces(group, ~plain)
-    for k in np.flatnonzero(~plain).tolist():
-        level = " ".join(corners[at[k] : at[k + 1]])
-        points = [level.replace("%d", str(high)) for high in dict.fromkeys((0, tall[k]))]
-        texts[k] = faced.format(" ".join(points), faces[k])
-    return texts
-
-
-def _corners(points: np.ndarray, deep: int, template: str) -> list[str]:
-    """Write each of the ``points``: units of `GRAIN` to the east and, from the north, south."""
-    x, y = np.round(points).astype(np.int64).T
-    return list(map(template.format, x.tolist(), (deep - y).tolist()))
-
-
-def _faces(group: Group, chosen: np.ndarray) -> list[str]:
-    """Write the faces of each ``chosen`` solid: walls of four corners, floors and roofs of three.
-    Indices are those of its own points, all on the ground before all on top."""
-    mesh = group.mesh.select(chosen[group.mesh.owner])
-    flat = mesh.part != WALL
-    start = group.rings.starts[group.rings.first(len(group))]
-    count = start[-1]
-    numbers, owners = [], []
-    for rows, owner in (mesh.quads, (mesh.triangles[flat], mesh.owner[flat])):
-        begin, end = start[owner, None], start[owner + 1, None]
-        own = np.where(rows < count, rows - begin, rows - count - begin + end - begin)
-        ended = np.column_stack([own, np.full(len(own), -1)])
-        numbers.append(ended.ravel())
-        owners.append(np.repeat(owner, ended.shape[1]))
-    owner = np.concatenate(owners)
-    texts = list(map(str, np.concatenate(numbers)[np.argsort(owner, kind="stable")].tolist()))
-    ends = np.cumsum(np.bincount(owner, minlength=len(group))).tolist()
-    return [" ".join(texts[a:b]) for a, b in zip([0, *ends], ends, strict=False)]
+def _geometries(group: Group, deep: int, template: str) -> Iterator[tuple[str, str]]:
+    """Yield the name and the faces of each solid: walls have four corners, other faces three. A
+    solid lists its own points."""
+    mesh = mesh_of(group)
+    quads, owner, threes, rows = pair_walls(mesh)
+    owners = mesh.owner[rows]
+    corner_of = np.concatenate([np.repeat(owner, 4), np.repeat(owners, 3)]).astype(np.int64)
+    corners = np.concatenate([quads.ravel(), threes.ravel()]).astype(np.int64)
+    wide = max(len(mesh.points), 1)
+    pairs, index = np.unique(corner_of * wide + corners, return_inverse=True)
+    of, used = pairs // wide, pairs % wide
+    first = np.searchsorted(of, np.arange(len(group) + 1))
+    local = index - first[corner_of]
+    split = 4 * len(quads)
+    faces = [np.column_stack([local[:split].reshape(-1, 4), np.full(len(quads), -1)]).ravel()]
+    faces.append(np.column_stack([local[split:].reshape(-1, 3), np.full(len(threes), -1)]).ravel())
+    of_face = np.concatenate([np.repeat(owner, 5), np.repeat(owners, 4)])
+    order = np.argsort(of_face, kind="stable")
+    numbers = list(map(str, np.concatenate(faces)[order].tolist()))
+    ends = np.searchsorted(of_face[order], np.arange(len(group) + 1)).tolist()
+    x, y, z = np.round(mesh.points[used] / GRAIN).astype(np.int64).T
+    points = [
+        f"{a} {b} {c}" for a, b, c in zip(x.tolist(), z.tolist(), (deep - y).tolist(), strict=True)
+    ]
+    starts = first.tolist()
+    for k, name in enumerate(names_of(group)):
+        own = " ".join(points[starts[k] : starts[k + 1]])
+        yield _word(name), template.format(own, " ".join(numbers[ends[k] : ends[k + 1]]))
 
 
 def _quote(text: str) -> str:

@@ -198,7 +198,7 @@ def _another_table(path: Path, metadata: Mapping[bytes, bytes]) -> GenomeError:
     content = "Parquet, but not a genome"
     remedy = "encode a map: evocity encode MAP -o GENOME.parquet"
     if b"geo" in metadata:
-        content = "GeoParquet, a map"
+        content = "GeoParquet, which is a map"
     elif b"evocity.run" in metadata:
         content = "a table of a run"
         remedy = "name the run's folder and one individual: evocity decode RUN --id N"

@@ -216,7 +216,7 @@ def _widths(cities: Sequence[CityMap]) -> np.ndarray:
     for city in cities:
         graph = city.alley_graph
         many = np.maximum(np.rint(graph.length / 10), 0).astype(np.int64)
-        widths.append(np.repeat(graph.width, many))
+        widths.append(np.repeat(graph.clear, many))
     return np.concatenate(widths)
 
 

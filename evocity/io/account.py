@@ -13,6 +13,8 @@ INCOMPLETE = "with missing corners"
 REPLACED = "replaced by building parts"
 UNTAGGED = "not tagged as a building"
 OUTSIDE = "outside the window"
+# Remark on buildings that lose rings of too few points.
+LOST_RINGS = "degenerate rings left out"
 
 
 @dataclass
@@ -54,6 +56,7 @@ __all__ = [
     "DELETED",
     "EMPTY",
     "INCOMPLETE",
+    "LOST_RINGS",
     "NO_POLYGON",
     "OUTSIDE",
     "REPLACED",

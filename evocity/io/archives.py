@@ -11,10 +11,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from evocity.errors import MapError, format_bytes, keyword
+from evocity.errors import MapError, format_bytes, keyword, reason_of
 from evocity.io.reader_types import Footprints, Grid, Request
 
-#: A zip may grow by this factor, and always up to so many bytes; it has at most so many files.
+#: A packed file may grow by this factor, and always up to so many bytes; a zip has at most so many
+#: files.
 DENSEST, LEAST, MOST_FILES = 100, 1 << 26, 10_000
 
 _CHUNK = 1 << 20
@@ -55,17 +56,14 @@ def open_archive(path: Path) -> Iterator[tuple[Archive, Path]]:
 def read_member(archive: Archive, name: str, folder: Path) -> Path:
     """Unpack the file ``name`` of an ``archive`` below ``folder``, and return its path."""
     target = folder / PurePosixPath(name)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with (
-        _zip_errors(archive.path),
-        archive.file.open(name) as source,
-        open(target, "xb") as unpacked,
-    ):
-        while content := source.read(_CHUNK):
-            archive.room -= len(content)
-            if archive.room < 0:
-                raise _bomb(archive.path, None)
-            unpacked.write(content)
+    with _zip_errors(archive.path):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with archive.file.open(name) as source, open(target, "xb") as unpacked:
+            while content := source.read(_CHUNK):
+                archive.room -= len(content)
+                if archive.room < 0:
+                    raise _bomb(archive.path, None)
+                unpacked.write(content)
     return target
 
 
@@ -223,7 +221,7 @@ def _zip_errors(path: Path) -> Iterator[None]:
         yield
     except _ERRORS as error:
         raise MapError(
-            f"{path.name} cannot be unpacked: {str(error)[:200] or type(error).__name__}",
+            f"{path.name} cannot be unpacked: {reason_of(error)[:200] or type(error).__name__}",
             "a complete zip file",
             "download the file again; it may be cut off or damaged",
         ) from error

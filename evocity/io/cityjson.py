@@ -29,7 +29,7 @@ from evocity.io.projection import (
 )
 from evocity.io.reader_types import Footprints
 
-# The longest header of a CityJSONSeq, bytes.
+# The longest header of a CityJSONSeq, and the longest part of a line in its test, bytes.
 _LONGEST_HEADER = 1 << 20
 
 _FAULTS = (
@@ -55,7 +55,9 @@ def has_cityjson_lines(path: Path) -> bool:
         except (ValueError, RecursionError):
             return False
         kind = document.get("type") if isinstance(document, dict) else None
-        return kind == "CityJSON" and any(not line.isspace() for line in file)
+        return kind == "CityJSON" and any(
+            not part.isspace() for part in iter(lambda: file.readline(_LONGEST_HEADER), b"")
+        )
 
 
 def read_cityjson_lines(path: Path) -> Footprints:

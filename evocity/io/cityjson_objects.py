@@ -14,9 +14,10 @@ import numpy as np
 import shapely
 
 from evocity.io.account import DEGENERATE, EMPTY, NO_POLYGON, REPLACED, UNDERGROUND, Account
+from evocity.io.building_feet import find_feet
 from evocity.io.building_rest import rest_of
-from evocity.io.heights import height_of
-from evocity.io.polygon_repair import MOST, crossings
+from evocity.io.heights import height_of, inherit, without_heights
+from evocity.io.surfaces import WALL, shadow
 from evocity.io.underground import is_underground
 
 #: Types of objects that are buildings.
@@ -33,12 +34,10 @@ _DEPTH = {
     "CompositeSolid": 2,
 }
 
-# Areas up to this are those of walls, m².
-_WALL = 1e-6
 # Heights that differ by less are equal, metres.
 _STEP = 0.5
-# Parts that are so near touch, metres; of a part that stands on others, at least this share does.
-_GAP, _LEAST_OVERLAP = 0.1, 0.01
+# Parents of an object that are parts themselves, at most.
+_MOST_ANCESTORS = 32
 
 Attributes = dict[str, Any]
 
@@ -100,7 +99,15 @@ def read_objects(
             elif ancestor in reasons:
                 reasons[ancestor] = REPLACED
     for group in groups.values():
-        _find_feet(group, units)
+        feet = find_feet(
+            [body.footprint for body in group],
+            np.array([body.low for body in group]),
+            np.array([body.high for body in group]),
+            [body.grounded for body in group],
+            float(units.plan.max()),
+        )
+        for body, foot in zip(group, feet.tolist(), strict=True):
+            body.foot = foot
     account.features += len(chosen)
     for reason in reasons.values():
         account.drop(reason)
@@ -119,14 +126,16 @@ def read_objects(
 
 
 def _ancestors(name: str, objects: Mapping[str, dict]) -> list[str]:
-    """List the parents of an object, the nearest first."""
-    found: list[str] = []
+    """List the parents of an object, the nearest first. Raises ValueError for a long chain."""
+    listed: dict[str, None] = {}
     while parents := objects[name].get("parents"):
         name = parents[0]
-        if name in found or name not in objects:
+        if name in listed or name not in objects:
             break
-        found.append(name)
-    return found
+        listed[name] = None
+        if len(listed) > _MOST_ANCESTORS:
+            raise ValueError(f"an object has more than {_MOST_ANCESTORS} parents, each of the next")
+    return list(listed)
 
 
 def _attributes(item: Mapping) -> Attributes:
@@ -142,23 +151,9 @@ def _tags(body: _Body, item: Mapping, above: Sequence[Mapping], units: Units) ->
     stands_on_others = body.low > body.foot + _STEP and abs(height - extent) < _STEP
     in_feet = units.up != 1 and abs(height * units.up - extent) < _STEP
     if rule != "default" and (stands_on_others or in_feet):
-        own = _without_heights(own)  # which repeat the solid
+        own = without_heights(own)  # which repeat the solid
     own = {"solid_height": body.high - body.foot if extent > 0 else 0.0} | own
-    inherited: Attributes = {}
-    for ancestor in reversed(above):
-        inherited |= _attributes(ancestor)
-    if height_of(own, 0.0)[1] != "default":
-        inherited = _without_heights(inherited)
-    return inherited | own
-
-
-def _without_heights(attributes: Attributes) -> Attributes:
-    """Leave out the attributes that a rule for heights reads."""
-    return {
-        key: value
-        for key, value in attributes.items()
-        if height_of({key: value}, 0.0)[1] == "default"
-    }
+    return inherit(own, map(_attributes, above))
 
 
 def _without_parts(body: _Body, units: Units) -> shapely.Geometry | None:
@@ -167,27 +162,6 @@ def _without_parts(body: _Body, units: Units) -> shapely.Geometry | None:
     if not finer:
         return body.footprint
     return rest_of(body.footprint, np.array(finer, dtype=object), units.plan)
-
-
-def _find_feet(bodies: list[_Body], units: Units) -> None:
-    """Find the foot of each part of a building. A part has the foot of the parts that it stands on;
-    without a ground surface, also that of lower parts that it touches; otherwise its own."""
-    gap = _GAP / float(units.plan.max())
-    bodies.sort(key=lambda body: body.low)
-    for number, body in enumerate(bodies):
-        body.foot = body.low
-        lower = [
-            one for one in bodies[:number] if one.low < body.low - _STEP and one.high > one.low
-        ]
-        area = body.footprint.area
-        under = [
-            one
-            for one in lower
-            if one.footprint.intersection(body.footprint).area > _LEAST_OVERLAP * area
-        ]
-        if not under and not body.grounded:
-            under = [one for one in lower if one.footprint.dwithin(body.footprint, gap)]
-        body.foot = min([body.foot, *(one.foot for one in under)])
 
 
 def _body(geometries: list[dict], vertices: np.ndarray, units: Units) -> _Body | str:
@@ -233,20 +207,5 @@ def _surfaces(geometry: dict) -> Iterator[tuple[list, str | None]]:
 
 def _shadow(surfaces: list, vertices: np.ndarray, units: Units) -> shapely.Geometry | None:
     """Unite surfaces, seen from above; None if all are walls or degenerate."""
-    wall = _WALL / units.area
-    areas = [area for rings in surfaces if (area := _project_down(rings, vertices, wall))]
-    return shapely.union_all(areas) if areas else None
-
-
-def _project_down(surface: list, vertices: np.ndarray, wall: float) -> shapely.Geometry | None:
-    rings = [vertices[np.asarray(ring, dtype=np.intp), :2] for ring in surface]
-    if not rings or len(rings[0]) < 3:
-        return None
-    polygon = shapely.Polygon(rings[0], [ring for ring in rings[1:] if len(ring) > 2])
-    if not polygon.area > wall:
-        return None
-    if polygon.is_valid:
-        return polygon
-    if crossings(polygon) > MOST:
-        raise ValueError(f"a surface that crosses itself more than {MOST} times")
-    return polygon.buffer(0)
+    rings = ([vertices[np.asarray(ring, dtype=np.intp)] for ring in own] for own in surfaces)
+    return shadow(rings, WALL / units.area)

@@ -1,12 +1,13 @@
 """DXF drawings: closed polylines of a layer, in metres without a place on Earth.
 
 The height of a building is the thickness of its polyline, or its elevation if it has no thickness.
-Blocks are not expanded, and references to other drawings are not followed.
+Blocks are not expanded, and references to other drawings are not followed. A layer ``NAME-holes``,
+which evocity writes, has the holes of the polygons of the layer ``NAME``.
 """
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -33,19 +34,23 @@ _UNITS = {
 _STEP = math.radians(10)
 _LONGEST = 10_000
 _BINARY = b"AutoCAD Binary DXF"
+# The end of the name of a layer of holes, and the most that a hole has of the area of its polygon.
+_HOLES, _MOST_HOLE = "-holes", 0.999
 
 Pair = tuple[int, str]
 
 
 @dataclass
 class _Polyline:
-    """A polyline: its layer, flags, thickness and elevation, and points (x, y, z, bulge)."""
+    """A polyline: its layer, flags, thickness and elevation, and points (x, y, z, bulge); and
+    whether it lies on the sheet of a plan, not in the drawing."""
 
     layer: str = "0"
     flags: int = 0
     thickness: float = 0.0
     elevation: float = 0.0
     upwards: float = 1.0
+    on_paper: bool = False
     points: list[list[float]] = field(default_factory=list)
 
 
@@ -77,7 +82,7 @@ def read_dxf(path: Path, request: Request) -> Footprints:
     closed = {
         name: any(tags["solid_height"] for tags in layer.tags)
         for name, layer in layers.items()
-        if layer.polygons
+        if layer.polygons and not _has_holes_of(name, layers)
     }
     if not closed:
         raise MapError(
@@ -93,11 +98,38 @@ def read_dxf(path: Path, request: Request) -> Footprints:
             f"a layer with closed polylines: {', '.join(closed)}",
             "close the outlines in the CAD program, or name another layer",
         )
-    polygons = shapely.transform(np.array(chosen.polygons, dtype=object), lambda at: at * unit)
+    made = np.array(chosen.polygons, dtype=object)
+    if name + _HOLES in layers:
+        made = _cut_holes(made, layers[name + _HOLES].polygons)
+    polygons = shapely.transform(made, lambda at: at * unit)
     tags = [{"solid_height": own["solid_height"] * unit} for own in chosen.tags]
     return Footprints(
         polygons, tags, plane(), of_buildings=is_building_name(name), account=chosen.account
     )
+
+
+def _has_holes_of(name: str, layers: Mapping[str, _Layer]) -> bool:
+    """Whether the layer ``name`` has the holes of the polygons of another layer."""
+    other = layers.get(name.removesuffix(_HOLES))
+    return name.endswith(_HOLES) and other is not None and bool(other.polygons)
+
+
+def _cut_holes(polygons: np.ndarray, holes: Sequence[shapely.Polygon]) -> np.ndarray:
+    """Cut each hole out of the larger polygons around it."""
+    if not len(holes):
+        return polygons
+    inner = np.array(holes, dtype=object)
+    inner = inner[shapely.is_valid(inner)]
+    points = shapely.point_on_surface(inner)
+    hole, polygon = shapely.STRtree(polygons).query(points, predicate="within")
+    larger = shapely.area(inner[hole]) < _MOST_HOLE * shapely.area(polygons[polygon])
+    rings: dict[int, list[shapely.LinearRing]] = defaultdict(list)
+    for k, one in zip(polygon[larger].tolist(), inner[hole[larger]].tolist(), strict=True):
+        rings[k].append(one.exterior)
+    cut = polygons.copy()
+    for k, own in rings.items():
+        cut[k] = shapely.Polygon(polygons[k].exterior, own)
+    return cut
 
 
 def _read_drawing(path: Path, layers: dict[str, _Layer]) -> float:
@@ -177,6 +209,8 @@ def _set(line: _Polyline, kind: str, code: int, value: str, vertex: bool) -> Non
         line.flags = int(value)
     elif code == 39 and not vertex:
         line.thickness = _number(value)
+    elif code == 67 and not vertex:
+        line.on_paper = int(value) == 1
     elif code == 230 and not vertex:
         line.upwards = _number(value)
     elif kind == "LWPOLYLINE":
@@ -201,6 +235,8 @@ def _number(value: str) -> float:
 
 def _finish(kind: str, line: _Polyline, layer: _Layer) -> None:
     """Add the polygon of a closed polyline to its layer, or count why it has no polygon."""
+    if line.on_paper:
+        return
     layer.account.features += 1
     points = line.points
     closed = line.flags & 1 or (len(points) > 3 and points[0][:2] == points[-1][:2])

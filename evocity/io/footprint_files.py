@@ -1,18 +1,24 @@
-"""Writers of footprints with heights: GeoPackage and GeoJSON, a polygon for each building, with the
-straight walls of `CityMap.walls` or, raw, the pixels' edges of `CityMap.outline`. The GeoPackage
-also has the street graph. The files name the window, so that readers find it again."""
+"""Footprints with heights for files, and the writer of GeoJSON: a polygon for each building, with
+the straight walls of `CityMap.walls` or, raw, the edges of pixels (`CityMap.outline`). The files
+name the window, so that readers find it again."""
 
 import json
-import warnings
-from collections.abc import Callable, Iterator, Mapping
+import math
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 from pyproj import CRS
 
-from evocity.citymap import CityMap, Walls
+from evocity.citymap import CityMap, Classes, Walls
 from evocity.errors import MapError, keyword
+from evocity.io.export.reference_systems import (
+    export_system,
+    file_system,
+    utm_code,
+)
 from evocity.io.projection import (
     WGS84,
     code_of,
@@ -23,140 +29,91 @@ from evocity.io.projection import (
 )
 from evocity.io.rasterization import crs_of
 
-#: Name of the layer of a GeoPackage, and of those with its streets.
+#: Name of the layer of buildings.
 LAYER = "buildings"
-EDGES, NODES, PLACES = "street_edges", "street_nodes", "places"
 
 #: The key of the window's middle in a layer's metadata: "lon lat", or "x y" in local metres.
 CENTER_TAG = "EVOCITY_CENTER"
 
+#: The key of evocity's tags in the metadata of a GeoParquet file.
+TAGS = b"evocity"
+
 #: The meaning of the heights, written into the files.
 HEIGHTS = "mean height above ground of the building's pixels, metres"
-
-# The name of GDAL's GeoPackage for metres without a place on Earth (srs_id -1).
-_NOWHERE = (
-    'ENGCRS["Undefined Cartesian SRS",EDATUM["unknown"],CS[Cartesian,2],'
-    'AXIS["x",east],AXIS["y",north],LENGTHUNIT["metre",1]]'
-)
 
 # Digits of a degree: 1 cm.
 _DIGITS = 7
 
 
-def write_geopackage(
+class Footprints(NamedTuple):
+    """Polygons of buildings for a file: their columns, tags of the file, and the reference system,
+    None for metres from the map's south-west corner."""
+
+    polygons: np.ndarray
+    fields: dict[str, np.ndarray]
+    tags: dict[str, str]
+    system: str | None
+
+
+def footprints_of(
     city: CityMap,
-    path: Path,
+    name: str,
+    *,
     raw: bool = False,
-    streets: bool = False,
     walls: Walls | None = None,
     columns: Mapping[str, np.ndarray] | None = None,
-) -> None:
-    """Write the layer `LAYER` of a GeoPackage, in the map's reference system; in metres from its
-    south-west corner if it has none. ``raw``: pixels' edges instead of straight walls. ``walls``:
-    these instead of `CityMap.walls`, with additional ``columns``. ``streets``: also the layers
-    `EDGES`, `NODES` and `PLACES` of `CityMap.street_graph`, and the quarter of each building."""
-    crs, tags = _NOWHERE, {"NAME": city.name, "ATTRIBUTION": city.attribution, "HEIGHT": HEIGHTS}
-    x, y = _middle(city)
-    if is_placed(city):
-        own = _system(city, path.name)
-        crs = code_of(own)
-        x, y = transform_points(x, y, own, WGS84)
-    tags[CENTER_TAG] = f"{float(x)!r} {float(y)!r}"
+    classes: Classes | None = None,
+    crs: str | None = None,
+) -> Footprints:
+    """Return the footprints of a map for the file ``name``: `CityMap.walls`, with ``raw`` the
+    pixels' edges, or the given ``walls``. The additional ``columns`` follow those of `_FIELDS`;
+    without a column ``class``, it comes from ``classes`` or `CityMap.classes`. ``crs`` names
+    another reference system than the map's."""
     polygons, *values = _footprints(city, raw, walls)
     fields = dict(zip(_FIELDS, values, strict=True)) | dict(columns or {})
-    if streets:
-        fields["quarter"] = city.street_graph.quarters[values[0] - 1] + np.int32(1)
-    _layer(city, path, crs, LAYER, "Polygon", _orient(polygons), fields, tags)
-    if streets:
-        about = {key: tags[key] for key in ("NAME", "ATTRIBUTION")}
-        for name, kind, shapes, fields in _street_layers(city):
-            _layer(city, path, crs, name, kind, shapes, fields, about)
+    if "class" not in fields:
+        table = city.classes if classes is None else classes
+        fields["class"] = np.array(table.names, dtype=object)[table.of_buildings[values[0] - 1]]
+    tags = {"NAME": city.name, "ATTRIBUTION": city.attribution, "HEIGHT": HEIGHTS}
+    (x, y), system = _middle(city), None
+    target = export_system(city, crs, metres=False)
+    if is_placed(city):
+        own = _system(city, name)
+        system = file_system(code_of(own if target is None else target))
+        polygons = moved(polygons, city, target)
+        x, y = transform_points(x, y, own, WGS84)
+    tags[CENTER_TAG] = f"{float(x)!r} {float(y)!r}"
+    return Footprints(orient(polygons), fields, tags, system)
 
 
-def _layer(
-    city: CityMap,
-    path: Path,
-    crs: str,
-    name: str,
-    kind: str,
-    shapes: np.ndarray,
-    fields: dict[str, np.ndarray],
-    tags: dict[str, str],
-) -> None:
-    """Write one layer: `LAYER` makes the file, the others are added. Raises `OSError`."""
-    import pyogrio  # which loads pandas, if it is there
-    from pyogrio.errors import DataLayerError, DataSourceError
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # GDAL warns of an empty layer
-        try:
-            pyogrio.raw.write(
-                path,
-                geometry=shapely.to_wkb(shapes),
-                field_data=list(fields.values()),
-                fields=list(fields),
-                layer=name,
-                driver="GPKG",
-                geometry_type=kind,
-                crs=crs,
-                layer_metadata={key: text for key, text in tags.items() if text},
-                layer_options={
-                    "IDENTIFIER": city.name if name == LAYER else f"{city.name}: {name}",
-                    "DESCRIPTION": city.attribution,
-                },
-                append=name != LAYER,
-            )
-        except (DataSourceError, DataLayerError) as error:
-            raise OSError(str(error)) from error
+def moved(shapes: np.ndarray, city: CityMap, target: CRS | None) -> np.ndarray:
+    """Convert shapes of a map to the reference system ``target``; None keeps them."""
+    if target is None:
+        return shapes
+    return transform_polygons(shapes, crs_of(city, city.name), target)
 
 
-def _street_layers(city: CityMap) -> Iterator[tuple[str, str, np.ndarray, dict]]:
-    """Yield name, kind of geometry, geometry and columns of each layer of the streets. Nodes,
-    streets, quarters and places count from 1; 0 means no place."""
-    graph, one = city.street_graph, np.int32(1)
-    ends = graph.ends + one
-    edges = {
-        "id": np.arange(1, len(graph) + 1, dtype=np.int32),
-        "u": np.ascontiguousarray(ends[:, 0]),
-        "v": np.ascontiguousarray(ends[:, 1]),
-        "length": np.round(graph.length, 3),
-        "width": np.round(graph.width, 3),
-        "least": np.round(graph.least, 3),
-        "kind": graph.kind.astype(object),
-        "street": graph.street + one,
-        "place": graph.place + one,
-        "leaves": graph.leaves,
-    }
-    yield EDGES, "LineString", np.array(graph.edges, dtype=object), edges
-    nodes = {
-        "id": np.arange(1, len(graph.nodes) + 1, dtype=np.int32),
-        "degree": graph.degree,
-        "at_frame": graph.at_frame,
-    }
-    yield NODES, "Point", shapely.points(graph.nodes), nodes
-    places = graph.places
-    columns = {
-        "id": np.arange(1, len(places) + 1, dtype=np.int32),
-        "area": np.round(places.area, 3),
-        "width": np.round(places.width, 3),
-    }
-    yield PLACES, "Polygon", _orient(np.array(places.polygons, dtype=object)), columns
-
-
-def write_geojson(city: CityMap, path: Path, raw: bool = False) -> None:
-    """Write GeoJSON after RFC 7946, in WGS84; raises `MapError` for a map without a place on Earth.
-    ``raw``: pixels' edges instead of straight walls."""
+def write_geojson(city: CityMap, path: Path, raw: bool = False, crs: str | None = None) -> None:
+    """Write GeoJSON after RFC 7946, in WGS84; raises `MapError` for a map without a place on Earth,
+    or another ``crs``. ``raw``: pixels' edges instead of straight walls."""
     if not is_placed(city):
         raise no_geojson(city.name)
-    crs = _system(city, path.name)
+    target = export_system(city, crs, metres=False)
+    if target is not None and target not in (WGS84, CRS.from_user_input("OGC:CRS84")):
+        raise MapError(
+            f"{keyword('crs', crs)} cannot be the reference system of a GeoJSON file",
+            "EPSG:4326, because RFC 7946 allows only longitude and latitude",
+            f"write a .gpkg or .geoparquet file, or leave {keyword('crs')} out",
+        )
+    own = _system(city, path.name)
     polygons, *columns = _footprints(city, raw)
-    polygons = _round_degrees(transform_polygons(polygons, crs, WGS84), city.name)
+    polygons = _round_degrees(transform_polygons(polygons, own, WGS84), city.name)
     head = {
         "type": "FeatureCollection",
         "name": city.name,
         "attribution": city.attribution,
         "heights": HEIGHTS,
-        "window": _window(city, crs),
+        "window": _window(city, own),
     }
     if len(polygons):
         head["bbox"] = shapely.total_bounds(polygons).tolist()
@@ -201,7 +158,7 @@ def coded_grid(city: CityMap) -> tuple[str, Callable[[np.ndarray], np.ndarray]] 
     lon, lat = transform_points(*_middle(city), own, WGS84)
     if not (abs(lon) <= 180 and abs(lat) <= 84):
         return None
-    code = f"EPSG:{(32600 if lat >= 0 else 32700) + int((lon + 180) // 6) % 60 + 1}"
+    code = utm_code(lon, lat)
     zone = CRS.from_user_input(code)
     return code, lambda points: np.column_stack(transform_points(*points.T, own, zone))
 
@@ -266,6 +223,24 @@ def _range_error(name: str) -> MapError:
     )
 
 
+def read_center(path: Path, metadata: Mapping[str, str]) -> tuple[float, float] | None:
+    """Read the middle of the window from the ``metadata`` of a file of evocity; None without."""
+    text = metadata.get(CENTER_TAG)
+    if text is None:
+        return None
+    try:
+        x, y = (float(number) for number in text.split())
+    except ValueError:
+        x = y = math.nan
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise MapError(
+            f"{path.name}: the metadata entry {CENTER_TAG} = {text[:80]!r} is invalid",
+            "two numbers, longitude and latitude",
+            "correct this entry, or remove it to use the middle of the buildings",
+        )
+    return x, y
+
+
 def _middle(city: CityMap) -> tuple[float, float]:
     """Return the middle of the smallest square window on the map's pixels that covers it."""
     (rows, columns), side = city.shape, city.metres_per_pixel
@@ -296,10 +271,10 @@ def _round_degrees(polygons: np.ndarray, name: str) -> np.ndarray:
     polygons[broken] = shapely.make_valid(
         polygons[broken], method="structure", keep_collapsed=False
     )
-    return _orient(polygons)
+    return orient(polygons)
 
 
-def _orient(polygons: np.ndarray) -> np.ndarray:
+def orient(polygons: np.ndarray) -> np.ndarray:
     """Orient polygons: shells counter-clockwise, holes clockwise."""
     turned = np.empty(len(polygons), dtype=object)
     for number, polygon in enumerate(polygons):

@@ -1,52 +1,65 @@
 """GeoParquet: footprints and their columns, of the row groups that the window needs.
 
 Statistics of a bounding box column (``covering``) tell which row groups and rows meet the window;
-without such a column, the reader streams all rows and keeps those that meet it.
+without such a column, the reader streams all rows and keeps those that meet it. A child process
+reads the file, within limits of memory and time.
 """
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 import shapely
 from pyproj import CRS
 from pyproj.exceptions import ProjError
 
 from evocity.errors import MapError, format_bytes, keyword
 from evocity.io.account import OUTSIDE, Account
+from evocity.io.footprint_files import CENTER_TAG, read_center
 from evocity.io.heights import check_columns, has_building_fields, is_building_name
-from evocity.io.projection import WGS84, flat, parse_whole_crs, vertical_unit
+from evocity.io.projection import (
+    WGS84,
+    flat,
+    identify,
+    is_metric,
+    parse_whole_crs,
+    plane,
+    vertical_unit,
+)
 from evocity.io.reader_types import Footprints, Request
-from evocity.io.window_box import SMALL, Box, boxes_meet, empty_window_error, window_box
-from evocity.io.wkb_areas import choose_areas, read_areas
+from evocity.io.window_box import SMALL, Box, empty_window_error, window_box
+from evocity.io.wkb_areas import CurveError, choose_areas, read_areas
+from evocity.parquet_child import UnreadableParquetError, describe_rows, select_rows
+from evocity.parquet_rows import TOO_LARGE
 
 #: Bytes of the outlines and attributes that are read, and rows of a file; at most.
-MOST_BYTES, MOST_ROWS = 1 << 30, 100_000_000
+MOST_BYTES, MOST_ROWS = 1 << 29, 100_000_000
 
-_BATCH = 16_384
+# Rows that the child reads in a second, at least.
+_ROWS_A_SECOND = 100_000
 _EDGES = ("xmin", "ymin", "xmax", "ymax")
 _SYSTEMS = ("GeographicCRS", "GeodeticCRS", "ProjectedCRS", "CompoundCRS")
 
 
 @dataclass
 class _Table:
-    """An open file: its geometry column, what its metadata say of it, its other columns."""
+    """A file: its geometry column, what its metadata say of it, its other columns, those of texts,
+    and the paths of its leaves."""
 
     path: Path
-    file: pq.ParquetFile
+    rows: int
     geometry: str
     about: dict
     columns: list[str]
-
-    @property
-    def rows(self) -> int:
-        return self.file.metadata.num_rows
+    texts: list[str]
+    leaves: list[str]
+    tags: dict[str, str]
 
     @property
     def covering(self) -> list[str] | None:
@@ -57,14 +70,12 @@ class _Table:
         except (KeyError, TypeError):
             # Overture's files have such a column from before GeoParquet had a name for it
             paths = [f"bbox.{edge}" for edge in _EDGES]
-        known = {self.file.schema.column(i).path for i in range(len(self.file.schema))}
-        return paths if known.issuperset(paths) else None
+        return paths if set(self.leaves).issuperset(paths) else None
 
 
 def read_geoparquet(path: Path, request: Request) -> Footprints:
     """Read the buildings of a GeoParquet file; with a centre, those that may meet the window."""
     with _parquet_errors(path):
-        # strings stay dictionaries: a file of a few bytes may repeat a text without end
         table = _open(path)
         check_columns(path.name, table.columns, (request.height_column, request.levels_column))
         whole = _crs(table)
@@ -73,6 +84,8 @@ def read_geoparquet(path: Path, request: Request) -> Footprints:
         if table.rows > MOST_ROWS:
             raise _too_large(path, f"{table.rows} rows")
         shapes, rings, extents, tags = _read(table, box)
+        if len(shapes) and shapely.is_missing(shapes).all() and not rings.any():
+            raise ValueError("none of its outlines is complete")
         if box is not None and not len(shapes):
             bounds = table.about.get("bbox")
             raise empty_window_error(path.name, request, crs, table.rows, _flat_bounds(bounds))
@@ -93,10 +106,15 @@ def read_geoparquet(path: Path, request: Request) -> Footprints:
         )
     for i in np.flatnonzero(extents):
         tags[i]["solid_height"] = float(extents[i]) * unit
+    center = read_center(path, table.tags)
     return Footprints(
         shapes[kept],
         [tags[i] for i in kept],
         crs,
+        table.tags.get("ATTRIBUTION", ""),
+        center,
+        projection=crs if center is not None and is_metric(crs) else None,
+        bare=center is not None and not account.features,
         of_buildings=is_building_name(path.stem) or has_building_fields(table.columns),
         height_unit=unit,
         account=account,
@@ -105,9 +123,10 @@ def read_geoparquet(path: Path, request: Request) -> Footprints:
 
 
 def _open(path: Path) -> _Table:
-    schema = pq.read_schema(path)
+    found = describe_rows(path)
+    kinds = dict(found["columns"])
     try:
-        about = json.loads((schema.metadata or {})[b"geo"])
+        about = json.loads(found["geo"] or "{}")
         geometry = about["primary_column"]
         own = about["columns"][geometry]
         encoding = own.get("encoding")
@@ -115,8 +134,8 @@ def _open(path: Path) -> _Table:
         raise MapError(
             f"{path.name} has no metadata of GeoParquet",
             "a GeoParquet file, with an entry 'geo' in its metadata",
-            "of a table with places, write GeoParquet with geopandas or GDAL; of a genome, make a "
-            "map first: evocity decode",
+            "if the file is a table with places, write it as GeoParquet with geopandas; if it is a "
+            "genome, make a map first with evocity decode",
         ) from None
     if encoding != "WKB":
         raise MapError(
@@ -124,28 +143,28 @@ def _open(path: Path) -> _Table:
             "a GeoParquet file with the encoding WKB",
             "write the file again with geopandas, or with GDAL and GEOMETRY_ENCODING=WKB",
         )
-    kind = schema.field(geometry).type
-    if not (pa.types.is_binary(kind) or pa.types.is_large_binary(kind)):
+    if kinds[geometry] != "binary":
+        kind = "texts" if kinds[geometry] == "text" else kinds[geometry]
         raise MapError(
             f"{path.name}: the column {geometry!r} holds {kind}",
             "outlines as WKB, in a column of the type binary",
             "write the file again with geopandas",
         )
-    columns = [one.name for one in schema if one.name != geometry and _is_scalar(one.type)]
-    texts = [one.name for one in schema if _is_text(one.type) or one.name == geometry]
-    file = pq.ParquetFile(path, read_dictionary=texts)
-    return _Table(path, file, geometry, own, columns)
+    columns = [
+        name for name, kind in kinds.items() if kind in ("text", "scalar") and name != geometry
+    ]
+    texts = [name for name in columns if kinds[name] == "text"]
+    tags = _tags(found["tags"])
+    return _Table(path, found["rows"], geometry, own, columns, texts, found["leaves"], tags)
 
 
-def _is_text(kind: pa.DataType) -> bool:
-    return pa.types.is_string(kind) or pa.types.is_large_string(kind)
-
-
-def _is_scalar(kind: pa.DataType) -> bool:
-    if pa.types.is_dictionary(kind):
-        kind = kind.value_type
-    number = pa.types.is_integer(kind) or pa.types.is_floating(kind)
-    return number or _is_text(kind) or pa.types.is_boolean(kind)
+def _tags(text: str | None) -> dict[str, str]:
+    """The tags of a file that evocity wrote; nothing for other files."""
+    try:
+        tags = json.loads(text or "{}")
+        return {str(name): text for name, text in tags.items() if isinstance(text, str)}
+    except (ValueError, AttributeError, RecursionError):
+        return {}
 
 
 def _crs(table: _Table) -> CRS:
@@ -154,6 +173,8 @@ def _crs(table: _Table) -> CRS:
     if "crs" not in table.about:
         return WGS84
     stated = table.about["crs"]
+    if stated is None and CENTER_TAG in table.tags:
+        return plane()
     if stated is None:
         raise MapError(
             f"{where}: no reference system",
@@ -169,7 +190,7 @@ def _crs(table: _Table) -> CRS:
     try:
         if stated.get("type") not in _SYSTEMS or "nadgrids" in text or len(text) > 100_000:
             raise ProjError("not a plain system")
-        crs = CRS.from_json(text)
+        crs = identify(CRS.from_json(text))
         flat(crs)  # which may fail
         return crs
     except ProjError as error:
@@ -183,84 +204,54 @@ def _crs(table: _Table) -> CRS:
 def _read(table: _Table, box: Box | None) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict]]:
     """Read the outlines that may meet ``box``, by default all, with their numbers of degenerate
     rings, extents in z and attributes."""
-    covering = table.covering if box is not None else None
-    groups = list(range(table.file.num_row_groups))
-    if covering and box:
-        groups = [group for group in groups if _group_meets(table, group, covering, box)]
+    try:
+        content = select_rows(
+            table.path,
+            table.rows / _ROWS_A_SECOND,
+            geometry=table.geometry,
+            columns=table.columns,
+            texts=table.texts,
+            covering=table.covering if box is not None else None,
+            box=box,
+            most=MOST_BYTES,
+        )
+    except UnreadableParquetError as error:
+        if str(error) != TOO_LARGE:
+            raise
+        found = f"more than {format_bytes(MOST_BYTES)} of outlines and attributes"
+        raise _too_large(table.path, found) from error
     shapes: list[tuple[np.ndarray, ...]] = [read_areas(np.array([], dtype=object))]
     tags: list[dict] = []
-    room = MOST_BYTES
-    columns = [table.geometry, *table.columns, *(covering or [])]
-    for batch in table.file.iter_batches(_BATCH, groups, columns, use_threads=False):
-        rows = None
-        if covering and box:
-            rows = np.flatnonzero(boxes_meet(_bounds(batch, covering), box))
-            if not len(rows):
-                continue
-            batch = batch.take(pa.array(rows))
-        found = _outlines(table, batch.column(table.geometry), room)
-        if box is not None and not covering:
-            rows = np.flatnonzero(boxes_meet(shapely.bounds(found[0]), box))
-            if not len(rows):
-                continue
-            found = tuple(each[rows] for each in found)
-            batch = batch.take(pa.array(rows))
-        room -= batch.nbytes + 100 * batch.num_rows * len(table.columns)
-        if room < 0:
-            raise _too_large(table.path, f"more than {format_bytes(MOST_BYTES)} of outlines")
-        shapes.append(found)
-        tags += _attributes(table, batch)
+    if content:
+        with pa.ipc.open_stream(content) as stream:
+            for batch in stream:
+                shapes.append(_outlines(batch.column(table.geometry)))
+                tags += _attributes(table, batch)
     areas, rings, extents = (np.concatenate(parts) for parts in zip(*shapes, strict=True))
     return areas, rings, extents, tags
 
 
-def _group_meets(table: _Table, group: int, covering: Sequence[str], box: Box) -> bool:
-    """Whether the statistics of a row group allow that a row meets ``box``."""
-    found = table.file.metadata.row_group(group)
-    index = {table.file.schema.column(i).path: i for i in range(len(table.file.schema))}
-    edges = []
-    for place, path in enumerate(covering):
-        statistics = found.column(index[path]).statistics
-        if statistics is None or not statistics.has_min_max:
-            return True
-        edges.append(float(statistics.min if place < 2 else statistics.max))
-    return not np.isfinite(edges).all() or bool(boxes_meet(np.array([edges]), box)[0])
-
-
-def _bounds(batch: pa.RecordBatch, covering: Sequence[str]) -> np.ndarray:
-    """The bounds of each row, float ``(n, 4)``."""
-    edges = []
-    for path in covering:
-        first, *rest = path.split(".")
-        column = batch.column(first)
-        for name in rest:
-            column = pc.struct_field(column, name)
-        edges.append(np.asarray(column.to_numpy(zero_copy_only=False), dtype=np.float64))
-    return np.stack(edges, axis=1)
-
-
-def _outlines(table: _Table, column: pa.Array, room: int) -> tuple[np.ndarray, ...]:
+def _outlines(column: pa.Array) -> tuple[np.ndarray, ...]:
     """The geometries of a column, None for rows without one, with their numbers of degenerate rings
     and their extents in z; equal geometries are read once."""
     if not isinstance(column, pa.DictionaryArray):
         column = column.dictionary_encode()
-    sizes = pc.binary_length(column.dictionary)
     indices = np.asarray(pc.fill_null(column.indices, -1).to_numpy(zero_copy_only=False))
-    lengths = np.append(np.asarray(pc.fill_null(sizes, 0), dtype=np.int64), 0)
-    if lengths[indices].sum() > room:
-        raise _too_large(table.path, f"more than {format_bytes(MOST_BYTES)} of outlines")
-    used, places = np.unique(indices, return_inverse=True)
-    known = np.full(len(used), None, dtype=object)
-    inside = used >= 0
-    known[inside] = column.dictionary.take(pa.array(used[inside])).to_pylist()
-    return tuple(each[places.ravel()] for each in read_areas(known))
+    known = np.full(len(column.dictionary) + 1, None, dtype=object)
+    known[:-1] = column.dictionary.to_pylist()
+    return tuple(each[indices] for each in read_areas(known))
 
 
 def _attributes(table: _Table, batch: pa.RecordBatch) -> list[dict]:
-    columns = [batch.column(name).to_pylist() for name in table.columns]
+    columns = [_values(batch.column(name).to_pylist()) for name in table.columns]
     return [dict(zip(table.columns, row, strict=True)) for row in zip(*columns, strict=True)] or [
         {} for _ in range(batch.num_rows)
     ]
+
+
+def _values(values: list) -> list:
+    """Return the values of a column, with decimal numbers as floats."""
+    return [float(value) if isinstance(value, Decimal) else value for value in values]
 
 
 def _flat_bounds(bounds: object) -> list[float] | None:
@@ -285,6 +276,12 @@ def _too_large(path: Path, found: str) -> MapError:
 def _parquet_errors(path: Path) -> Iterator[None]:
     try:
         yield
+    except CurveError as error:
+        raise MapError(
+            f"{path.name}: {error}",
+            "outlines of straight lines",
+            "write the file again with ogr2ogr -nlt CONVERT_TO_LINEAR",
+        ) from error
     except (
         *(pa.ArrowException, shapely.errors.ShapelyError, OSError, MemoryError, RecursionError),
         *(ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError),

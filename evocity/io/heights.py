@@ -174,6 +174,24 @@ def height_of(tags: Mapping[str, object], default_height: float) -> tuple[float,
     return height, rule
 
 
+def inherit(own: Mapping[str, object], above: Iterable[Mapping[str, object]]) -> dict[str, object]:
+    """Return the tags of a part of a building with those of its ancestors ``above``, the nearest
+    first. A part with a height of its ``own`` inherits no height."""
+    inherited: dict[str, object] = {}
+    for tags in above:
+        inherited = {**tags, **inherited}
+    if height_of(own, 0.0)[1] != "default":
+        inherited = without_heights(inherited)
+    return {**inherited, **own}
+
+
+def without_heights(tags: Mapping[str, object]) -> dict[str, object]:
+    """Leave out the tags that a rule for heights reads."""
+    return {
+        key: value for key, value in tags.items() if height_of({key: value}, 0.0)[1] == "default"
+    }
+
+
 def metres(value: object, unit: float = 1.0) -> float | None:
     """Parse ``value`` as a positive length, metres; None for any other value. A number without a
     unit counts ``unit`` metres; a list counts as its largest length."""
@@ -236,21 +254,24 @@ def is_building_name(title: object) -> bool:
     return isinstance(title, str) and bool(_BUILDING_NAME.search(title))
 
 
-def check_columns(name: str, columns: Collection[str], requested: Collection[str | None]) -> None:
+def check_columns(
+    name: str, columns: Collection[str], requested: tuple[str | None, str | None]
+) -> None:
     """Raise `MapError` unless a table with ``columns``, of the file ``name``, has at most one
-    column for each name of a height rule. ``requested`` are the names that the caller gives, which
-    settle the choice."""
-    if any(column is not None for column in requested):
+    column for each name of a height rule. ``requested`` are the columns of heights and of storeys
+    that the caller names; they settle the choice of a column of heights, and of one of storeys."""
+    height_column, levels_column = requested
+    if height_column is not None:
         return
-    read = {one for names in _RULES.values() for one in names}
-    for plain in sorted(read):
+    rules = [rule for rule in _RULES if rule != _LEVELS or levels_column is None]
+    for plain in sorted({one for rule in rules for one in _RULES[rule]}):
         same = [column for column in columns if plain_name(column) == plain]
         if len(same) > 1:
             raise MapError(
                 f"{name} has two columns of heights: {', '.join(map(repr, same[:4]))}",
                 f"one column that reads {plain!r} in lower case",
-                f"name the right column with {keyword('height_column', same[0])} or "
-                f"{keyword('levels_column', same[0])}",
+                f"name the right column with {keyword('height_column', same[0])}"
+                + (f" or {keyword('levels_column', same[0])}" if levels_column is None else ""),
             )
 
 

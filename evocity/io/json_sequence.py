@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from evocity.errors import MapError, format_bytes
+from evocity.formats.geojson_lines import MOST_MEMORY, estimate_memory
 from evocity.io.projection import WGS84
 from evocity.io.reader_types import Request
-from evocity.io.window_box import SMALL, window_box
+from evocity.io.window_box import SMALL, boxes_meet, empty_window_error, window_box
 
 #: Bytes of a line, and of all lines that are kept; at most.
 MOST_LINE, MOST_KEPT = 50_000_000, 400_000_000
@@ -25,7 +26,7 @@ def is_sequence(path: Path) -> bool:
             first, second = next(lines, b""), next(lines, b"")
             if not second.startswith(b"{"):
                 return False
-            return isinstance(json.loads(first), dict)
+            return estimate_memory(first) > MOST_MEMORY or isinstance(json.loads(first), dict)
         except (ValueError, RecursionError):
             return False
 
@@ -33,30 +34,50 @@ def is_sequence(path: Path) -> bool:
 def read_sequence(path: Path, request: Request) -> tuple[dict, int]:
     """Read the features of a sequence as a FeatureCollection, and count all its features. If the
     request names a centre, features of a large sequence that do not meet the window are left out.
-    Raises `MapError` for a line that is not a GeoJSON object."""
+    Raises `MapError` for a line that is not a GeoJSON object, for lines that would take too much
+    memory, and for a large sequence without a feature in the window."""
     box = window_box(request, WGS84)
     features: list[dict] = []
     first: list[dict] = []  # kept whole in case that there are only a few
-    kept = count = 0
+    kept = count = early = memory = 0
+    extent = np.array([np.inf, np.inf, -np.inf, -np.inf])
     with open(path, "rb") as file:
         for number, line in enumerate(_lines(iter(lambda: file.readline(MOST_LINE), b"")), 1):
             count += 1
+            size = estimate_memory(line)
+            if size > MOST_MEMORY:
+                raise _too_large(f"{path.name}, line {number},", MOST_MEMORY, "of memory")
             feature = _feature(path, number, line)
             if count <= SMALL:
                 first.append(feature)
-            if box is None or _meets(feature.get("geometry"), box):
+                early += size
+            else:
+                first, early = [], 0
+            bounds = None if box is None else _bounds(feature.get("geometry"))
+            if bounds is not None:
+                extent[:2] = np.minimum(extent[:2], bounds[:2])
+                extent[2:] = np.maximum(extent[2:], bounds[2:])
+            if box is None or bounds is None or boxes_meet(bounds[None], box).all():
                 kept += len(line)
+                memory += size
                 features.append(feature)
                 if kept > MOST_KEPT:
-                    raise MapError(
-                        f"{path.name} has more than {format_bytes(MOST_KEPT)} of features",
-                        f"at most {format_bytes(MOST_KEPT)} in the window",
-                        "give the centre of a window, or convert the file to GeoPackage with "
-                        "ogr2ogr",
-                    )
+                    raise _too_large(path.name, MOST_KEPT, "of features")
+            if max(early, memory) > MOST_MEMORY:
+                raise _too_large(path.name, MOST_MEMORY, "of memory for features")
     if count <= SMALL:
         features = first
+    elif not features:
+        raise empty_window_error(path.name, request, WGS84, count, extent.tolist())
     return {"type": "FeatureCollection", "features": features}, count
+
+
+def _too_large(name: str, most: int, noun: str) -> MapError:
+    return MapError(
+        f"{name} needs more than {format_bytes(most)} {noun}",
+        f"at most {format_bytes(most)} in the window",
+        "give the centre of a window, or convert the file to GeoPackage with ogr2ogr",
+    )
 
 
 def _lines(lines: Iterator[bytes]) -> Iterator[bytes]:
@@ -86,19 +107,19 @@ def _feature(path: Path, number: int, line: bytes) -> dict:
     )
 
 
-def _meets(geometry: object, box: tuple[float, float, float, float]) -> bool:
-    """Whether the points of a GeoJSON geometry may meet a ``box``; true for unreadable ones, which
-    the reader of GeoJSON reports."""
+def _bounds(geometry: object) -> np.ndarray | None:
+    """The bounds of the points of a GeoJSON polygon, float ``(4,)``; None for other geometries, and
+    for unreadable ones, which the reader of GeoJSON reports."""
     if not isinstance(geometry, dict) or "coordinates" not in geometry:
-        return True
+        return None
     try:
         rings = geometry["coordinates"]
         if geometry.get("type") == "MultiPolygon":
             rings = [ring for polygon in rings for ring in polygon]
         elif geometry.get("type") != "Polygon":
-            return True
+            return None
         points = np.array([point[:2] for ring in rings for point in ring], dtype=np.float64)
-        (west, south), (east, north) = points.min(axis=0), points.max(axis=0)
+        bounds = np.concatenate([points.min(axis=0), points.max(axis=0)])
     except (TypeError, ValueError, OverflowError, IndexError):
-        return True
-    return bool(west <= box[2] and east >= box[0] and south <= box[3] and north >= box[1])
+        return None
+    return bounds if bounds.shape == (4,) and not np.isnan(bounds).any() else None

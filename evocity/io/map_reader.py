@@ -2,7 +2,6 @@
 
 import dataclasses
 import os
-import re
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
@@ -21,6 +20,7 @@ from evocity.io.map_options import (
     check_positive,
     check_terrain,
 )
+from evocity.io.map_paths import is_map_path, network_address
 from evocity.io.rasterization import rasterize_footprints
 from evocity.io.rasters.terrain import above_ground
 from evocity.io.reader_types import (
@@ -39,6 +39,10 @@ _LAYERED = _PLAIN | {"layer"}
 _SCALED = frozenset({"height_scale", "nodata", "terrain"})
 # The options that only some readers take.
 _SPECIAL = ("layer", "height_scale", "height_column", "levels_column", "nodata", "terrain")
+
+
+class _OptionError(MapError):
+    """An option that the reader of a file does not take."""
 
 
 class _LazyReader:
@@ -108,11 +112,6 @@ READERS: dict[str, Reader] = {
     ".npy": Reader(_LazyReader("rasters.reader", "read_npy"), "NPY", _SCALED),
 }
 
-
-#: Suffixes of maps that are folders.
-FOLDERS = (".gdb",)
-
-_ADDRESS = re.compile(r"[A-Za-z][A-Za-z0-9+.-]{1,20}://|/vsi[a-z0-9_]+/")
 
 #: Remedies for files that are often mistaken for maps.
 _REMEDIES = {
@@ -222,13 +221,17 @@ def _terrain_reader(request: Request) -> Callable[[str], tuple[Grid, str]]:
     """Return a function that reads a terrain; it raises `MapError` for a file without a grid."""
 
     def read(terrain: str) -> tuple[Grid, str]:
+        fault = MapError(
+            f"the terrain {Path(terrain).name} is not a raster",
+            "a raster of elevations of the ground, in metres",
+            f"give a GeoTIFF or an ASCII grid as {keyword('terrain')}",
+        )
         if "terrain" not in options_of(terrain):
-            raise MapError(
-                f"the terrain {Path(terrain).name} is not a raster",
-                "a raster of elevations of the ground, in metres",
-                f"give a GeoTIFF or an ASCII grid as {keyword('terrain')}",
-            )
-        data, _ = data_of(terrain, Request(nodata=request.nodata, terrain=terrain))
+            raise fault
+        try:
+            data, _ = data_of(terrain, Request(nodata=request.nodata, terrain=terrain))
+        except _OptionError as error:  # footprints in a zip
+            raise fault from error
         if isinstance(data, Footprints):
             raise TypeError(f"the reader of {terrain} returned footprints")
         return data, Path(terrain).name
@@ -293,13 +296,13 @@ def _locate(source: str | os.PathLike) -> tuple[Path, str]:
         return bundled_cities.path_of(text), bundled_cities.attribution_of(text)
     path = Path(text)
     try:
-        if _ADDRESS.match(text) and not path.exists():
+        if (address := network_address(text)) and not path.exists():
             raise MapError(
-                f"no file {text!r}: it is an address on the network",
+                f"no file {address!r}: it is an address on the network",
                 "a file on this computer; evocity does not load from the network",
-                f"download it first, for example: curl -L -O {text}",
+                f"download it first, for example: curl -L -O {address}",
             )
-        if path.is_dir() and path.suffix.lower() in FOLDERS:
+        if is_map_path(path) and path.is_dir():
             return path, ""
         if path.is_dir():
             if (path / "provenance.json").is_file():
@@ -353,7 +356,7 @@ def _check_options(path: Path, suffix: str, reader: Reader, request: Request) ->
     for option in _SPECIAL:
         if getattr(request, option) is not None and option not in reader.takes:
             takers = [s for s in READERS if option in READERS[s].takes]
-            raise MapError(
+            raise _OptionError(
                 f"{path.name}: {keyword(option)} does not apply to {suffix}",
                 f"{keyword(option)} only with {_join(takers)}",
                 f"leave {keyword(option)} out",

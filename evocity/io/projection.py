@@ -73,6 +73,15 @@ def flat(crs: CRS) -> CRS:
     return flat(crs.sub_crs_list[0]) if crs.is_compound else crs.to_2d()
 
 
+def identify(crs: CRS) -> CRS:
+    """Return a projected reference system under the EPSG code that PROJ finds for its parameters,
+    as programs may write a system without its code; ``crs`` itself if PROJ finds no code."""
+    if not crs.is_projected or "id" in crs.to_json_dict():
+        return crs
+    code = crs.to_epsg()  # of the same parameters, with the same or another name
+    return crs if code is None else CRS.from_epsg(code)
+
+
 def code_of(crs: CRS) -> str:
     """Return the authority code of a reference system, or its WKT if it has no code."""
     code = crs.to_json_dict().get("id")

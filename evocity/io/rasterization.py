@@ -28,6 +28,7 @@ from evocity.io.projection import (
     transform_polygons,
 )
 from evocity.io.reader_types import Footprints, Request, check_size, north_up, refuse_center
+from evocity.io.roof_shapes import roof_shapes_of
 
 #: Defaults of a map of footprints.
 PIXELS, METRES_PER_PIXEL = 256, 2.0
@@ -76,6 +77,7 @@ def _rasterize_window(
     painted = np.zeros((pixels, pixels), np.float32)
     if count:
         painted = _paint(polygons, heights, painted.shape, side, (x - half, y + half))
+    roofs = None if crs is None else roof_shapes_of(polygons, tags)
     return CityMap(
         painted,
         side,
@@ -86,9 +88,11 @@ def _rasterize_window(
         height_rules={rule: rules.used[rule] for rule in RULES if rule in rules.used},
         taken=_describe_window(pixels, side, len(tags), count, whole, footprints.side, account)
         + (f"; heights: {rules.note}" if rules.note else "")
+        + ("" if roofs is None else f"; roofs: {len(roofs)} from roof:shape")
         + strayed
         + (_suggest_window(middles, crs, 2 * half, len(tags)) if crs and not named else "")
         + footprints.note,
+        roof_shapes=roofs,
     )
 
 

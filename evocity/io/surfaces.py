@@ -23,6 +23,14 @@ def shadow(surfaces: Iterable[Rings], wall: float = WALL) -> shapely.Geometry | 
     return shapely.union_all(areas) if areas else None
 
 
+def sound_rings(rings: Rings) -> tuple[list[np.ndarray], int]:
+    """Return the ``rings`` of a polygon without degenerate holes, no rings if the outer ring is
+    degenerate, and the number of degenerate rings: those with less than three different points."""
+    sound = [ring for ring in rings if len(set(map(tuple, ring.tolist()))) > 2]
+    lost = len(rings) - len(sound)
+    return (sound if sound and sound[0] is rings[0] else []), lost
+
+
 def _project_down(rings: Rings, wall: float) -> shapely.Geometry | None:
     if not rings or len(rings[0]) < 3:
         return None

@@ -2,7 +2,6 @@
 `reader_types.content_of` has checked the content: a virtual format under another name may point to
 the network."""
 
-import math
 import os
 import warnings
 from collections.abc import Iterator, Mapping
@@ -17,7 +16,7 @@ from pyproj.exceptions import CRSError as BadCRS
 
 from evocity.errors import MapError
 from evocity.io.account import OUTSIDE, Account
-from evocity.io.footprint_files import CENTER_TAG
+from evocity.io.footprint_files import CENTER_TAG, read_center
 from evocity.io.geopackage_sql import check_views
 from evocity.io.heights import (
     BUILDING_FIELDS,
@@ -27,7 +26,7 @@ from evocity.io.heights import (
     plain_name,
 )
 from evocity.io.layer_choice import choose_layer
-from evocity.io.projection import flat, is_metric, parse_crs, vertical_unit
+from evocity.io.projection import flat, identify, is_metric, parse_crs, plane, vertical_unit
 from evocity.io.reader_types import Footprints, Request
 from evocity.io.window_box import SMALL, Box, empty_window_error, window_box
 from evocity.io.wkb_areas import choose_areas, read_areas
@@ -39,6 +38,12 @@ DRIVERS = {
     ".fgb": "FlatGeobuf",
     ".gdb": "OpenFileGDB",
 }
+
+# Files beside a Shapefile that GDAL may open.
+_SHAPEFILE = (
+    *(".dbf", ".shx", ".prj", ".qpj", ".cpg", ".cst", ".qix", ".sbn", ".sbx", ".idm", ".ind"),
+    *(".shp.xml", ".shz", ".aux.xml", ".shp.aux.xml"),
+)
 
 _GDAL_ERRORS = (
     DataSourceError,
@@ -59,14 +64,17 @@ def read_layers(path: Path, request: Request) -> Footprints:
     the request names a centre, GDAL leaves out features of a large layer that do not meet the
     window."""
     path = _place(path)
-    _check_whole(path)
+    if path.suffix.lower() == ".shp":
+        _check_shapefile(path)
     if path.suffix.lower() == ".gpkg":
         check_views(path)
     if path.is_dir():
         _check_geodatabase(path)
     layer = _choose_layer(path, request.layer)
-    polygons, tags, crs, metadata, account, fields = _read(path, layer, request)
+    polygons, tags, crs, metadata, account, fields, note = _read(path, layer, request)
     check_columns(path.name, fields, (request.height_column, request.levels_column))
+    if crs is None and CENTER_TAG in metadata:
+        crs = plane().to_wkt()
     if crs is None:
         raise MapError(
             f"{path.name} has no reference system",
@@ -74,7 +82,7 @@ def read_layers(path: Path, request: Request) -> Footprints:
             "assign a reference system, for example with ogr2ogr -a_srs EPSG:…",
         )
     crs, unit = _crs(path, crs)
-    center = _center(path, metadata)
+    center = read_center(path, metadata)
     for each in tags:
         if "solid_height" in each:
             each["solid_height"] *= unit
@@ -89,6 +97,7 @@ def read_layers(path: Path, request: Request) -> Footprints:
         of_buildings=is_building_name(layer) or has_building_fields(fields),
         height_unit=unit,
         account=account,
+        note=note,
     )
 
 
@@ -123,10 +132,20 @@ def _check_geodatabase(path: Path) -> None:
         )
 
 
-def _check_whole(path: Path) -> None:
-    """Raise `MapError` for a Shapefile shorter than its header says: GDAL reads the rest of it."""
-    if path.suffix.lower() != ".shp":
-        return
+def _check_shapefile(path: Path) -> None:
+    """Raise `MapError` for a Shapefile shorter than its header says: GDAL reads the rest of it. A
+    part of it that is a link or not a regular file could name another file, or block."""
+    stem = path.stem.lower()
+    parts = {stem + suffix for suffix in _SHAPEFILE}
+    with os.scandir(path.parent) as entries:
+        beside = [entry for entry in entries if entry.name.lower() in parts]
+        strange = [part.name for part in beside if not part.is_file(follow_symlinks=False)]
+    if strange:
+        raise MapError(
+            f"{strange[0]}, a part of the Shapefile, is a link or not a regular file",
+            "a Shapefile of plain files",
+            "copy all files of the Shapefile again from their source",
+        )
     with open(path, "rb") as file:
         head = file.read(28)
     whole, size = 2 * int.from_bytes(head[24:28]), path.stat().st_size
@@ -139,8 +158,8 @@ def _check_whole(path: Path) -> None:
 
 
 def _read(path: Path, layer: str, request: Request):
-    """Read polygons, their tags, the reference system, the metadata, the account of all features
-    and the names of the columns of a layer."""
+    """Read polygons, their tags, the reference system, the metadata, the account of all features,
+    the names of the columns of a layer, and a note about the reading."""
     with _gdal_errors(path):
         info = pyogrio.read_info(path, layer=layer, force_feature_count=True)
         if info["driver"] != DRIVERS[path.suffix.lower()]:
@@ -165,7 +184,13 @@ def _read(path: Path, layer: str, request: Request):
         own = {name: column[i] for name, column in zip(fields, columns, strict=True)}
         tags.append(own | ({"solid_height": float(extents[i])} if extents[i] else {}))
     metadata = (info.get("dataset_metadata") or {}) | (info.get("layer_metadata") or {})
-    return polygons[kept], tags, meta["crs"], metadata, account, fields
+    note = ""
+    if box is not None and not info["capabilities"]["fast_spatial_filter"]:
+        note = (
+            f"; the file has no spatial index, so GDAL read all {count} features; an index makes "
+            "this faster"
+        )
+    return polygons[kept], tags, meta["crs"], metadata, account, fields, note
 
 
 def _read_columns(path: Path, layer: str, info: dict, box: Box | None):
@@ -207,25 +232,7 @@ def _crs(path: Path, text: str) -> tuple[CRS, float]:
         return crs, vertical_unit(CRS.from_user_input(text))
     with _gdal_errors(path):
         full = CRS.from_wkt(text)
-        return flat(full), vertical_unit(full)
-
-
-def _center(path: Path, metadata: Mapping[str, str]) -> tuple[float, float] | None:
-    """Read the middle of the window from a layer that evocity wrote; None for other layers."""
-    text = metadata.get(CENTER_TAG)
-    if text is None:
-        return None
-    try:
-        x, y = (float(number) for number in text.split())
-    except ValueError:
-        x = y = math.nan
-    if not (math.isfinite(x) and math.isfinite(y)):
-        raise MapError(
-            f"{path.name}: the metadata entry {CENTER_TAG} = {text[:80]!r} is invalid",
-            "two numbers, longitude and latitude",
-            "correct this entry, or remove it to use the middle of the buildings",
-        )
-    return x, y
+        return identify(flat(full)), vertical_unit(full)
 
 
 def _attribution(metadata: Mapping[str, str]) -> str:

@@ -12,19 +12,35 @@ import shapely
 from evocity.io.account import DEGENERATE, EMPTY, NO_POLYGON, Account
 
 _POLYGON, _COLLECTIONS, _SURFACES, _TRIANGLE = 3, (4, 5, 6, 7), (15, 16), 17
+# Circular strings, compound curves, curve polygons, collections of them, and their supertypes.
+_CURVES = (8, 9, 10, 11, 12, 13, 14)
 _DEEPEST = 32
+
+
+class CurveError(ValueError):
+    """An outline with arcs, which neither GEOS nor this module reads."""
 
 
 def read_areas(shapes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Convert WKB to areas seen from above. Return them, the number of degenerate rings of each,
-    and the extent in z of each solid, else 0."""
-    polygons = shapely.from_wkb(shapes, on_invalid="ignore")
+    and the extent in z of each solid, else 0. A damaged geometry costs only itself. Raises
+    `CurveError` for outlines with arcs."""
+    try:
+        polygons = shapely.from_wkb(shapes, on_invalid="ignore")
+    except NotImplementedError as error:
+        raise CurveError("an outline of the file has arcs") from error
     rings, extents = np.zeros(len(shapes), np.int64), np.zeros(len(shapes))
     kinds = shapely.get_type_id(polygons)
     for at in np.flatnonzero(shapely.is_missing(polygons) | (kinds == 7)):
         if shapes[at] is None:
             continue
-        areas = Areas(bytes(shapes[at]))
+        try:
+            areas = Areas(bytes(shapes[at]))
+        except CurveError:
+            raise
+        except ValueError:
+            polygons[at] = None
+            continue
         rings[at] = areas.degenerate
         if areas.faces:
             polygons[at], extents[at] = areas.area, areas.extent
@@ -105,6 +121,8 @@ class Areas:
             self.is_solid |= kind in _SURFACES
             for _ in range(count):
                 self._read(depth + 1)
+        elif kind in _CURVES:
+            raise CurveError("an outline of the file has arcs")
         else:
             raise ValueError(f"a geometry of the type {kind}")
 

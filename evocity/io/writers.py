@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from PIL import Image, PngImagePlugin
 
-from evocity.citymap import CityMap, Walls
+from evocity.citymap import CityMap, Classes, Walls
 from evocity.errors import MapError, keyword
 from evocity.files import whole_file
 from evocity.pictures.field import Faces, Field, Leaves, Shares
@@ -51,8 +51,11 @@ def write_map(
     *,
     raw: bool = False,
     streets: bool = False,
+    water: np.ndarray | None = None,
     walls: Walls | None = None,
     columns: Mapping[str, np.ndarray] | None = None,
+    classes: Classes | None = None,
+    crs: str | None = None,
 ) -> None:
     """Write a map; the suffix of ``path`` chooses the format.
 
@@ -61,37 +64,52 @@ def write_map(
     attribution and a colour scale in metres. A ``.npy`` file holds only the array of heights,
     metres.
 
-    A ``.gpkg`` or ``.geojson`` file holds one polygon for each building of `CityMap.buildings`;
-    courtyards are holes. A file of polygons has the columns ``id`` (label of the building),
-    ``height`` (mean height of its pixels, m) and ``area`` (m²). A file of polygons contains the
-    attribution of the map.
+    A ``.gpkg``, ``.fgb``, ``.geoparquet`` or ``.geojson`` file holds one polygon for each building
+    of `CityMap.buildings`; courtyards are holes. A file of polygons has the columns ``id`` (label
+    of the building), ``height`` (mean height of its pixels, m) and ``area`` (m²), and, except
+    GeoJSON, ``class`` (name of the building's class in ``classes`` or `CityMap.classes`). A file of
+    polygons contains the attribution of the map.
 
     The polygons have the straight walls of `CityMap.walls`, and form a valid coverage. With the
     option ``raw``, the polygons follow the edges of the pixels (`CityMap.outline`). If you read a
     ``raw`` file with the ``pixels`` and ``metres_per_pixel`` of the map, each pixel gets the height
     of its building.
 
-    A GeoPackage has one layer, ``buildings``, in the map's reference system. For a map without a
-    place on Earth, coordinates are metres from the map's south-west corner. If a map has no place
-    on Earth, GIS programs show an undefined Cartesian reference system for its file. Coordinates in
-    a `.geojson` file are longitude and latitude (RFC 7946).
+    A GeoPackage has the version 1.2 and one layer, ``buildings``. The files `.gpkg`, `.fgb` and
+    `.geoparquet` have the map's reference system. For a map without a place on Earth, coordinates
+    are metres from the map's south-west corner. If a map has no place on Earth, GIS programs show
+    an undefined Cartesian reference system for its file. Coordinates in a `.geojson` file are
+    longitude and latitude (RFC 7946).
+
+    QGIS shows each layer of a GeoPackage in the colours of evocity's pictures. A GeoTIFF has its
+    style in a second file, with the suffix ``.qml``. A ``.qml`` file of another origin stays
+    unchanged.
 
     The option ``streets``, only for ``.gpkg``, adds the graph `CityMap.street_graph` to the file.
     The street graph becomes three layers: ``street_edges`` (with the nodes u and v, length, width
     and kind), ``street_nodes`` and ``places``. With the option ``streets``, the layer of buildings
-    has the additional column ``quarter``.
+    has the additional column ``quarter``. The layer ``ground`` has the surfaces between
+    buildings. The option ``water``, bool ``(H, W)``, marks open ground that is water.
 
-    The option ``walls``, only for ``.gpkg``, writes walls from `CityMap.walled` instead of
-    `CityMap.walls`. The option ``columns`` maps the names of additional columns of the polygons to
-    their values.
+    The option ``walls``, for ``.gpkg``, ``.fgb`` and ``.geoparquet``, writes walls from
+    `CityMap.walled` instead of `CityMap.walls`. The option ``columns`` maps the names of additional
+    columns of the polygons to their values. The option ``classes`` holds other classes of the map,
+    from `CityMap.classified`.
+
+    The option ``crs`` is the reference system of the file: a code such as ``"EPSG:2154"``, or a
+    plain PROJ string. None keeps the map's own. A raster in another reference system has the same
+    side of a pixel, the value of the nearest pixel of the map, and NaN outside the map.
 
     Raises
     ------
     MapError : the suffix is unknown, the folder is missing, or the file cannot be written. The
-        options ``streets`` and ``walls`` raise MapError for a format other than ``.gpkg``. A map
+        options ``streets`` and ``walls`` raise MapError for a format that cannot hold them, and
+        ``water`` raises MapError without ``streets`` or with another size than the map. A map
         without a place on Earth, or across the 180th meridian, cannot be written as GeoJSON, and
-        raises MapError. After an error, no partial file remains, and an existing file stays
-        unchanged.
+        raises MapError. The option ``crs`` raises MapError for an unknown system, for a system that
+        is not defined at the map's place, for a map without a place, for a format without
+        coordinates, and for degrees in a raster. After an error, no partial file remains, and an
+        existing file stays unchanged.
     """
     writers = WRITERS | RAW_WRITERS if raw else WRITERS
     if raw and walls is not None:
@@ -100,16 +118,26 @@ def write_map(
             "either raw outlines or the parameter 'walls'",
             f"leave {keyword('raw')} out",
         )
-    if streets or walls is not None:
-        suffix, what = Path(path).suffix.lower(), "streets" if streets else "walls="
-        if suffix in writers and suffix != ".gpkg":
-            raise MapError(
-                f"{Path(path).name}: {what} cannot go into a {suffix} file",
-                "a .gpkg file, because a GeoPackage can have several layers",
-                f"write a .gpkg, or leave {what} out",
-            )
-        write = functools.partial(writers[".gpkg"], streets=streets, walls=walls, columns=columns)
-        writers = writers | {".gpkg": write}
+    suffix, name = Path(path).suffix.lower(), Path(path).name
+    if streets and suffix in writers and suffix != ".gpkg":
+        raise MapError(
+            f"{name}: streets cannot go into a {suffix} file",
+            "a .gpkg file, because a GeoPackage can have several layers",
+            "write a .gpkg, or leave streets out",
+        )
+    if walls is not None and suffix in writers and suffix not in TABLES:
+        raise MapError(
+            f"{name}: walls= cannot go into a {suffix} file",
+            f"a file with the suffix {', '.join(TABLES)}",
+            "write a .gpkg, or leave walls= out",
+        )
+    check_water(city, water, streets)
+    how: dict[str, Any] = {"streets": True, "water": water} if streets else {}
+    if suffix in TABLES:
+        how |= {"walls": walls, "columns": columns, "classes": classes}
+    if suffix in writers:
+        write = functools.partial(writers[suffix], **how, **_crs_option(name, suffix, crs))
+        writers = writers | {suffix: write}
     _write(city, path, writers)
 
 
@@ -149,17 +177,19 @@ def write_windows(
     what: WindowSource,
     path: str | os.PathLike,
     progress: Callable[[int, int], None] | None = None,
+    crs: str | None = None,
 ) -> None:
     """Write a map of any size, in bands of rows. The suffix of ``path`` chooses the format.
 
     A ``.tif`` file is a tiled GeoTIFF with the contents that `write_map` gives; a very large map
     becomes a BigTIFF. A ``.npy`` file holds only the array. The function ``progress`` is called
-    with two numbers: the number of finished rows, and the number of all rows. Raises `MapError` for
-    the same reasons as `write_map`.
+    with two numbers: the number of finished rows, and the number of all rows. The option ``crs`` is
+    as in `write_map`. Raises `MapError` for the same reasons as `write_map`.
     """
+    name, suffix = Path(path).name, Path(path).suffix.lower()
     writers = {
-        suffix: functools.partial(write, progress=progress)
-        for suffix, write in WINDOW_WRITERS.items()
+        own: functools.partial(write, progress=progress, **_crs_option(name, suffix, crs))
+        for own, write in WINDOW_WRITERS.items()
     }
     _write(what, path, writers)
 
@@ -177,6 +207,19 @@ def bands(
             progress(top + rows, height)
 
 
+def _crs_option(name: str, suffix: str, crs: str | None) -> dict[str, str]:
+    """Return the option ``crs`` of a writer; raises `MapError` for a file without coordinates."""
+    if crs is None:
+        return {}
+    if suffix not in PLACED:
+        raise MapError(
+            f"{name}: a {suffix} file has no coordinates for {keyword('crs', crs)}",
+            f"a file with the suffix {', '.join(PLACED)}",
+            f"choose another suffix, or leave {keyword('crs')} out",
+        )
+    return {"crs": crs}
+
+
 def _write(what: object, path: str | os.PathLike, writers: dict[str, Callable]) -> None:
     path = Path(path)
     write = writers.get(path.suffix.lower())
@@ -189,7 +232,14 @@ def _write(what: object, path: str | os.PathLike, writers: dict[str, Callable]) 
         )
     check_place(path)
     with open_output(path) as temporary:
-        write(what, temporary)
+        style = write(what, temporary)
+    if style is not None:
+        from evocity.io.export.styles import write_style
+
+        try:
+            write_style(path, style)
+        except OSError as error:
+            raise _write_error(path.with_suffix(".qml"), error) from error
 
 
 def check_place(path: Path) -> None:
@@ -202,6 +252,25 @@ def check_place(path: Path) -> None:
         )
 
 
+def check_water(city: CityMap, water: np.ndarray | None, streets: bool) -> None:
+    """Raise `MapError` for ``water`` of another size or kind than bool ``(H, W)``, or without
+    streets."""
+    if water is None:
+        return
+    if not streets:
+        raise MapError(
+            "the parameter 'water' is given without streets",
+            "streets=True, which divides the ground into surfaces",
+            "set streets=True, or leave the parameter 'water' out",
+        )
+    if not isinstance(water, np.ndarray) or water.dtype.kind != "b" or water.shape != city.shape:
+        raise MapError(
+            f"the parameter 'water' has the shape {np.shape(water)}",
+            f"an array of booleans of the shape {city.shape}, one for each pixel",
+            "convert the array, for example water = numbers > 0",
+        )
+
+
 @contextlib.contextmanager
 def open_output(path: Path) -> Iterator[Path]:
     """Give a temporary path that becomes ``path`` once it is written; `MapError` on failure."""
@@ -209,18 +278,22 @@ def open_output(path: Path) -> Iterator[Path]:
         with whole_file(path) as temporary:
             yield temporary
     except OSError as error:
-        raise MapError(
-            f"{str(path)!r} cannot be written: {error}",
-            "a folder that you may write to, on a disk with free space",
-            "check permissions and free space, or choose another folder",
-        ) from error
+        raise _write_error(path, error) from error
+
+
+def _write_error(path: Path, error: OSError) -> MapError:
+    return MapError(
+        f"{str(path)!r} cannot be written: {error}",
+        "a folder that you may write to, on a disk with free space",
+        "check permissions and free space, or choose another folder",
+    )
 
 
 def _lazy(module: str, name: str, **options) -> Callable:
     """Make a writer of a module of this room that loads, with its library, at the first call."""
 
-    def write(what: object, path: Path, **more) -> None:
-        getattr(import_module(f"evocity.io.{module}"), name)(what, path, **options | more)
+    def write(what: object, path: Path, **more) -> str | None:
+        return getattr(import_module(f"evocity.io.{module}"), name)(what, path, **options | more)
 
     return write
 
@@ -276,13 +349,21 @@ WRITERS = {
     ".tiff": _write_geotiff,
     ".png": _write_png,
     ".npy": _write_array(lambda city: city.heights),
-    ".gpkg": _lazy("footprint_files", "write_geopackage"),
+    ".gpkg": _lazy("export.geopackage", "write_geopackage"),
+    ".fgb": _lazy("export.footprint_tables", "write_flatgeobuf"),
+    ".geoparquet": _lazy("export.footprint_tables", "write_geoparquet"),
     ".geojson": _lazy("footprint_files", "write_geojson"),
 }
 
+#: Suffixes of files with polygons and columns, and of files that have coordinates.
+TABLES = (".gpkg", ".fgb", ".geoparquet")
+PLACED = (*TABLES, ".geojson", ".tif", ".tiff")
+
 #: Writers of footprints along the pixels' edges.
 RAW_WRITERS = {
-    ".gpkg": _lazy("footprint_files", "write_geopackage", raw=True),
+    ".gpkg": _lazy("export.geopackage", "write_geopackage", raw=True),
+    ".fgb": _lazy("export.footprint_tables", "write_flatgeobuf", raw=True),
+    ".geoparquet": _lazy("export.footprint_tables", "write_geoparquet", raw=True),
     ".geojson": _lazy("footprint_files", "write_geojson", raw=True),
 }
 

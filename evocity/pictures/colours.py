@@ -58,7 +58,11 @@ def scale_end(*cities: CityMap, share: float = 0.98) -> float:
 
 
 def _end(city: CityMap, share: float) -> float:
-    roofs = city.heights[city.built]
+    return roofs_end(city.heights[city.built], share)
+
+
+def roofs_end(roofs: np.ndarray, share: float = 0.98) -> float:
+    """Choose the end of the colour scale as `scale_end`, for the heights of ``roofs``, metres."""
     if not roofs.size:
         return 10.0
     usual, top = float(np.quantile(roofs, share)), float(roofs.max())

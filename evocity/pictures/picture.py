@@ -67,8 +67,7 @@ def render_field(field: Field, *, zoom: int = 1) -> Image.Image:
     grey."""
     values = np.asarray(field.values, np.float32)
     known = values[~np.isnan(values)]
-    top = float(known.max(initial=0))
-    end = _round_up(float(np.quantile(known, 0.995) if known.size else 0) or top)
+    top, end = float(known.max(initial=0)), values_end(known)
     pixels = values.repeat(zoom, axis=0).repeat(zoom, axis=1)
     colours = field_colours(pixels, end)
     if zoom > 1:
@@ -208,6 +207,12 @@ def _borders(pavement: Pavement, zoom: int) -> np.ndarray:
     lines[::zoom] = north.repeat(zoom, axis=1)
     lines[:, ::zoom] |= west.repeat(zoom, axis=0)
     return lines
+
+
+def values_end(known: np.ndarray) -> float:
+    """Choose the end of the colour scale of a field: a round number above nearly all values."""
+    usual = float(np.quantile(known, 0.995)) if known.size else 0.0
+    return _round_up(usual or float(known.max(initial=0)))
 
 
 def _round_up(value: float) -> float:

@@ -18,6 +18,7 @@ from evocity import io
 from evocity.errors import MapError, add_near_miss, is_number, spell
 from evocity.genome import VOID
 from evocity.io.heights import TALLEST
+from evocity.io.map_paths import is_map_path, network_address
 from evocity.section import Finite, fault, text_for
 
 #: The most workers of an embedded cluster.
@@ -69,7 +70,7 @@ def free_name(name: str, taken: Collection[str]) -> str:
 
 def is_map(folder: Path, name: str) -> bool:
     """Whether ``name`` is a bundled city, or a file for a recipe in ``folder``."""
-    return name in io.cities() or Path(resolve_path(folder, name)).is_file()
+    return name in io.cities() or is_map_path(resolve_path(folder, name))
 
 
 def parent_names(folder: Path, parents: Sequence[tuple[str | None, str]]) -> list[str]:
@@ -130,6 +131,20 @@ def _is_there(name: str, info: ValidationInfo, inside: str = "") -> bool:
     return _is_resumed(info) or path.is_file()
 
 
+def _is_map_there(name: str, info: ValidationInfo) -> bool:
+    return _is_resumed(info) or is_map_path(resolve_path(info.context["folder"], name))
+
+
+def _refuse_address(name: str, info: ValidationInfo) -> None:
+    """Refuse an address on the network, in the place of a map file."""
+    if (address := network_address(name)) and not _is_map_there(name, info):
+        raise fault(
+            f"{spell(name)} is an address on the network",
+            "a file on this computer; download it first, for example with curl -L -O "
+            f"{address}, and write its path here",
+        )
+
+
 def _file(noun: str, inside: str = "") -> AfterValidator:
     def check(name: str, info: ValidationInfo) -> str:
         if not _is_there(name, info, inside):
@@ -143,10 +158,13 @@ def _file(noun: str, inside: str = "") -> AfterValidator:
 
 
 def _file_or_name(
-    file: str, named: str, known: Callable[[], Collection[str]]
+    file: str,
+    named: str,
+    known: Callable[[], Collection[str]],
+    is_there: Callable[[str, ValidationInfo], bool] = _is_there,
 ) -> Callable[[str, ValidationInfo], str]:
     def check(name: str, info: ValidationInfo) -> str:
-        if name in known() or _is_there(name, info):
+        if name in known() or is_there(name, info):
             return name
         found = f"{spell(name)} is neither a file nor a {named}"
         allowed = f"{file}, relative to the recipe, or one of {', '.join(known())}"
@@ -161,7 +179,13 @@ def _known_shapes() -> Collection[str]:
     return KNOWN
 
 
-_check_map = _file_or_name("a map file", "bundled city", io.cities)
+_is_map_or_city = _file_or_name("a map file", "bundled city", io.cities, _is_map_there)
+
+
+def _check_map(name: str, info: ValidationInfo) -> str:
+    """Refuse a ``name`` that is neither a map nor a bundled city."""
+    _refuse_address(name, info)
+    return _is_map_or_city(name, info)
 
 
 def _check_city(name: str, info: ValidationInfo) -> str:
@@ -223,8 +247,9 @@ def _read_heights(value: Any, info: ValidationInfo) -> float | str:
 
 def _read_terrain(value: Any, info: ValidationInfo) -> float | str:
     if isinstance(value, str):
-        if _is_there(_check_path(value, info), info):
+        if _is_map_there(_check_path(value, info), info):
             return value
+        _refuse_address(value, info)
     elif is_number(value) and math.isfinite(value):
         return float(value)
     raise fault(spell(value), "a raster of the ground, or its elevation in metres")

@@ -1,8 +1,14 @@
 """Scenes in three dimensions: a map's buildings as solids on their ground, pictures and files.
 
-- `building`: `Scene`, the solids and surfaces of a map; files, chosen by suffix
+- `building`: `Scene`, the solids and surfaces of a map
+- `export`: files of scenes, chosen by suffix; `reprojection`: other reference systems
+- `detail`, `blocks`: levels of detail, and the walls of merged buildings
+- `ground`, `noding`: streets, squares and other ground, as one coverage with the buildings
+- `objects`: buildings and lower objects by class, with their properties
 - `library`, `library_table`, `matching`, `substitution`: objects of real maps in place of buildings
 - `lines`: the lines of a city: edges of the fabric, skylines, façades, streets
+- `tiles`, `cutting`: tiles of a scene, and surfaces cut at their borders
+- `roofs`: pitched roofs by straight skeletons
 - `picture`: axonometric pictures
 
 `evocity.scene` is this module; calling it calls `building.scene`.

@@ -1,8 +1,9 @@
-from .building import SUFFIXES as SUFFIXES
 from .building import Scene as Scene
-from .building import check_suffix as check_suffix
 from .building import scene as scene
-from .building import suffix_of as suffix_of
+from .detail import LEVELS as LEVELS
+from .export import SUFFIXES as SUFFIXES
+from .export import check_suffix as check_suffix
+from .export import suffix_of as suffix_of
 from .library import Library as Library
 from .lines import fabric_edges as fabric_edges
 from .lines import facades as facades
@@ -10,3 +11,4 @@ from .lines import skyline as skyline
 from .lines import street_axes as street_axes
 from .substitution import Substitution as Substitution
 from .substitution import substituted as substituted
+from .tiles import write_tiles as write_tiles

@@ -1,7 +1,7 @@
 """`Scene`: solids of a map's buildings and other objects on their ground."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -10,46 +10,41 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
-from evocity import formats
 from evocity.citymap import STOREY, CityMap
-from evocity.errors import MapError, plain_text, spell
+from evocity.errors import MapError, keyword, plain_text, spell
 from evocity.formats import About, Group
-from evocity.io.writers import check_place, open_output, save_picture, write_map
+from evocity.formats.trees import mesh_of
+from evocity.io.writers import (
+    TABLES,
+    check_place,
+    check_water,
+    open_output,
+    save_picture,
+    write_map,
+)
+from evocity.scene.blocks import walls_at
+from evocity.scene.detail import (
+    check_budget,
+    check_format,
+    check_level,
+    check_library,
+    detailed,
+    levels_from,
+    too_many,
+)
+from evocity.scene.export import UNPLACED, check_options, check_suffix, write
+from evocity.scene.ground import bare_ground, paved_ground
 from evocity.scene.library import Library
+from evocity.scene.noding import join_nodes
+from evocity.scene.objects import Objects, check_sources, group_objects
 from evocity.scene.picture import draw_scene, triangles
+from evocity.scene.roofs import check_heights, heights_are_ridges, level_of, raise_roofs
 from evocity.scene.substitution import Substitution, substituted
-from evocity.views.buildings import outlines
 from evocity.views.classes import Classes, ClassTable
-from evocity.views.connected_components import pieces
-from evocity.views.walls import Walls, walls_of
+from evocity.views.walls import Walls
 
 if TYPE_CHECKING:
     from PIL import Image
-
-_WRITERS: dict[str, Callable[[Sequence[Group], About], str | bytes]] = {
-    ".city.json": formats.cityjson,
-    ".glb": formats.glb,
-    ".obj": formats.obj,
-    ".wrl": formats.vrml97,
-    ".x3d": formats.x3d,
-}
-
-#: Suffixes of scenes: CityJSON 2.0, binary glTF 2.0, Wavefront OBJ, VRML97 and X3D; footprints in a
-#: GeoPackage; and a picture.
-SUFFIXES = (*_WRITERS, ".gpkg", ".png")
-
-#: The ground's colour and the streets', sRGB.
-_GROUND, _STREETS = (0.86, 0.84, 0.79), (0.66, 0.69, 0.74)
-#: CityJSON's types of objects of a class; all others are buildings.
-_CITY_OBJECTS = {
-    "furniture": "CityFurniture",
-    "fountain": "CityFurniture",
-    "post": "CityFurniture",
-    "tree": "SolitaryVegetationObject",
-    "ground": "OtherConstruction",
-}
-#: Names of classes that would equal those of the ground and the streets.
-_NAMED = {"ground": "ground-levelled", "street": "street-object"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +54,15 @@ class Scene:
     city : the map.
     walls : the fitted walls of the map's buildings.
     classes : the class of each building, and of each object lower than a building.
-    streets : whether streets are separate surfaces.
+    streets : whether the ground is divided into streets, squares, courts and other surfaces.
     substitution : the `Substitution` of buildings by objects of a library, or None.
     measures : values of the map's measures by name; files of the scene include these values.
     storey : height of a storey, metres.
+    sources : the name of the source city of each building, in the order of `CityMap.buildings`; an
+        empty text means that it has none. If ``sources`` is empty, nothing is known about them.
+    lod : level of detail, one of `evocity.scene.LEVELS`.
+    fitting : the options of `CityMap.walled` for the walls.
+    water : bool ``(H, W)``, open ground that is water; None for a map without water.
 
     >>> import numpy as np, evocity
     >>> heights = np.zeros((32, 32))
@@ -79,110 +79,43 @@ class Scene:
     substitution: Substitution | None = None
     measures: Mapping[str, float] = field(default_factory=dict)
     storey: float = STOREY
+    sources: Sequence[str] = ()
+    lod: str = "1.3"
+    fitting: Mapping[str, Any] = field(default_factory=dict)
+    water: np.ndarray | None = None
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
         """Solids by kind, in metres from the map's south-west corner: the ground and the streets as
-        surfaces; buildings and other objects, a group for each class, with flat roofs."""
-        ground = self._site
-        flat = [("ground", _GROUND, ground, {}, "LandUse")]
-        if self.streets:
-            roads, kinds = self._roads(ground)
-            left = shapely.difference(ground, shapely.union_all(roads))
-            flat = [
-                ("ground", _GROUND, _parts(left), {}, "LandUse"),
-                ("street", _STREETS, roads, {"kind": kinds}, "Road"),
-            ]
-        surfaces = [
-            Group(name, colour, polygons, np.zeros(len(polygons)), attributes, what)
-            for name, colour, polygons, attributes, what in flat
-        ]
-        return (*surfaces, *self._objects)
-
-    @property
-    def _site(self) -> np.ndarray:
-        """The whole map, or its site, as polygons."""
-        city, pixel = self.city, self.city.metres_per_pixel
-        wide, deep = self._size
-        if city.site is None:
-            return np.array([shapely.box(0, 0, wide, deep)], dtype=object)
-        labels, _ = pieces(city.site)
-        return np.array(outlines(labels, pixel, (0.0, deep)), dtype=object)
-
-    def _roads(self, ground: np.ndarray) -> tuple[np.ndarray, list[str]]:
-        """Make surfaces of the streets without overlaps, and the kind of each."""
-        graph = self.city.street_graph
-        standing = self.walls.polygons if self.substitution is None else self.substitution.polygons
-        ribbons = self.local(np.array(graph.ribbons(standing), dtype=object))
-        own, taken = shapely.union_all(ground), shapely.Polygon()
-        roads, names = [], []
-        for kind in dict.fromkeys(graph.kind.tolist()):
-            surface = shapely.union_all(ribbons[graph.kind == kind])
-            surface = shapely.difference(shapely.intersection(surface, own), taken)
-            parts = _parts(shapely.set_precision(surface, 1e-3))
-            taken = shapely.union(taken, surface)
-            roads.append(parts)
-            names += [kind] * len(parts)
-        return np.concatenate([np.empty(0, object), *roads]), names
-
-    @property
-    def _objects(self) -> list[Group]:
-        classes, walls = self.classes, self.walls
-        polygons = np.array(walls.polygons, dtype=object)
-        heights, which = walls.heights, classes.of_buildings[walls.buildings - 1]
-        fields: dict[str, np.ndarray] = {"id": walls.buildings}
-        laid = self.substitution
-        if laid is not None:
-            polygons, heights = laid.polygons, laid.heights
-            fields["object"] = np.array([name or "" for name in laid.ids], dtype=object)
-        polygons = self.local(polygons)
-        fields["area"] = np.round(shapely.area(polygons), 3)
-        storeys = np.floor(heights / self.storey + 0.5)
-        fields["storeysAboveGround"] = np.maximum(storeys, 1).astype(int)
-        groups = []
-        low = self._low
-        for number, name in enumerate(classes.names):
-            own, lower = which == number, low[2] == number
-            if not (own.any() or lower.any() or name == "building"):
-                continue
-            columns = {key: column[own].tolist() for key, column in fields.items()}
-            # objects lower than buildings only have an area
-            areas = np.round(shapely.area(low[0][lower]), 3).tolist()
-            more = dict.fromkeys(columns, [None] * len(areas)) | {"area": areas}
-            columns = {key: values + more[key] for key, values in columns.items()}
-            kinds = [_CITY_OBJECTS.get(name, "Building")] * int(own.sum())
-            kinds += [_CITY_OBJECTS.get(name, "OtherConstruction")] * len(areas)
-            group = Group(
-                _NAMED.get(name, name),
-                tuple(float(c) / 255 for c in classes.table.rgb[number]),
-                np.concatenate([polygons[own], low[0][lower]]),
-                np.concatenate([heights[own], low[1][lower]]),
-                columns,
-                kinds,
-                None if laid is None else laid.copies(self._offset, own, int(lower.sum())),
-            )
-            groups.append(group)
-        return groups
-
-    @property
-    def _low(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Polygons, heights and classes of objects lower than buildings."""
-        classes, city = self.classes, self.city
-        count, first = len(classes), classes.buildings
-        if count == first:
-            return np.empty(0, object), np.empty(0), np.empty(0, np.uint8)
-        labels = np.maximum(classes.labels - np.int32(first), np.int32(0))
-        corner = (0.0, self._size[1])
-        unknown = np.full(count - first, np.nan)
-        heights = classes.height[first:]
-        walls = walls_of(labels, heights, unknown, city.metres_per_pixel, corner, site=city.site)
-        kinds = classes.classes[first:][walls.buildings - 1]
-        return np.array(walls.polygons, dtype=object), walls.heights, kinds
+        surfaces; buildings and other objects, a group for each class. Roofs are flat, except in LoD
+        2.2."""
+        walls, offset, laid = self.walls, self.city.south_west, self.substitution
+        noded = None
+        if self.streets and self.lod != "afar":
+            standing = walls.polygons if laid is None else laid.polygons
+            polygons = self.local(np.array(standing, dtype=object))
+            roofs = self.lod == "2.2" and laid is None
+            surfaces, local, plain = paved_ground(self.city, walls, polygons, self.water, roofs)
+            if laid is None:  # library objects keep their shapes
+                walls, noded, offset = plain, local, (0.0, 0.0)
+        else:
+            surfaces = bare_ground(self.city)
+        more = (self.classes, laid, self.sources, self.storey, offset, self._size)
+        objects = group_objects(Objects(self.city, walls, *more))
+        if self.lod == "2.2":
+            ridges = heights_are_ridges(self.city.height_rules, self.city.attribution)
+            shapes = self.city.roof_shapes
+            if shapes is not None:
+                shapes = shapes - (*self.city.south_west, 0, 0)
+            objects = raise_roofs(objects, self._size, self.storey, ridges, shapes)
+            if noded is not None:
+                objects = join_nodes(objects, group_objects(Objects(self.city, noded, *more)))
+        return detailed((*surfaces, *objects), self.lod)
 
     def local(self, polygons: np.ndarray) -> np.ndarray:
         """Convert polygons from the map's reference system to metres from the map's south-west
         corner."""
-        return shapely.transform(polygons, lambda points: points - self._offset)
+        return shapely.transform(polygons, lambda points: points - self.city.south_west)
 
     @cached_property
     def about(self) -> About:
@@ -201,11 +134,12 @@ class Scene:
             name=plain_text(city.name),
             attribution=credit,
             crs=crs,
-            offset=self._offset,
+            offset=self.city.south_west,
             size=self._size,
             window=window,
             measures=measures,
             grid=coded_grid(city),
+            lod=self.lod,
         )
 
     @property
@@ -213,12 +147,6 @@ class Scene:
         """Metres along and down the map."""
         deep, wide = (side * self.city.metres_per_pixel for side in self.city.shape)
         return wide, deep
-
-    @property
-    def _offset(self) -> tuple[float, float]:
-        """The map's south-west corner in its reference system, metres."""
-        at = self.city.origin
-        return (0.0, 0.0) if at is None else (at[0], at[1] - self._size[1])
 
     @property
     def _attribution(self) -> str:
@@ -263,26 +191,75 @@ class Scene:
         """
         return triangles(self.city, self.groups, colours, highest)
 
-    def write(self, path: str | os.PathLike, **how: Any) -> None:
+    @property
+    def triangle_counts(self) -> dict[str, int]:
+        """Number of triangles of each group, as files draw them."""
+        return {group.name: len(mesh_of(group).triangles) for group in self.groups}
+
+    @property
+    def triangle_count(self) -> int:
+        """Number of triangles of all groups."""
+        return sum(self.triangle_counts.values())
+
+    def write(self, path: str | os.PathLike, *, crs: str | None = None, **how: Any) -> None:
         """Write the scene. The suffix of ``path`` chooses the format, one of
         `evocity.scene.SUFFIXES`. For a ``.png`` file, the argument ``how`` holds the options of the
-        method `picture`.
+        method `picture`. For a ``.glb`` file, ``how`` holds the options of
+        `evocity.formats.glb`: ``merge`` and ``instances``. For ``.stl`` and ``.3mf`` files, ``how``
+        holds ``side``, the longest side of the print in mm, 10 to 10 000. For an ``.obj`` file, the
+        method also writes the materials, a file with the suffix ``.mtl``. Files with the suffixes
+        ``.dxf`` and ``.3dm`` need the extra ``cad``.
 
-        Raises `MapError` for a suffix outside `SUFFIXES`, a missing folder, or a file that cannot
-        be written. If writing fails, no partial file remains, and a previous file stays unchanged.
+        crs : reference system of the coordinates, a code such as ``"EPSG:2154"``; None keeps the
+            map's own. Only files of footprints may have degrees.
+
+        Raises `MapError` for options of another format, a suffix outside `SUFFIXES`, a missing
+        folder, a ``crs`` that does not fit, or a file that cannot be written. If writing fails, no
+        partial file remains, and a previous file stays unchanged.
         """
         path = Path(path)
         suffix = check_suffix(path)
-        if suffix == ".gpkg":
+        check_format(self.lod, suffix, self.streets)
+        if suffix != ".png":
+            check_options(path, how)
+        if crs is not None and suffix in UNPLACED:
+            raise MapError(
+                f"{path.name}: a {suffix} file has no coordinates for {keyword('crs', crs)}",
+                "a file with coordinates on Earth, for example .city.json, .glb or .gpkg",
+                f"choose another suffix, or leave {keyword('crs')} out",
+            )
+        if suffix in TABLES:
             walls, more = self._footprints
-            write_map(self._credited_city, path, streets=self.streets, walls=walls, columns=more)
+            own = {"walls": walls, "columns": more, "classes": self.classes, "crs": crs}
+            write_map(self._credited_city, path, streets=self.streets, water=self.water, **own)
         elif suffix == ".png":
             check_place(path)
             picture = self.picture(**how)
             with open_output(path) as temporary:
                 save_picture(picture, self._credited_city, self.city.name, temporary)
         else:
-            write(self.groups, self.about, path)
+            write(*self.placed(crs), path, **how)
+
+    def placed(self, crs: str | None = None) -> tuple[tuple[Group, ...], About]:
+        """Return the groups and their description in the reference system ``crs``, as `write`; None
+        means the map's own. Raises `MapError` for a ``crs`` that does not fit."""
+        if crs is None:
+            return self.groups, self.about
+        from evocity.io.export.reference_systems import export_system
+        from evocity.scene.reprojection import reproject_scene
+
+        target = export_system(self.city, crs, metres=True)
+        assert target is not None
+        return reproject_scene(self.groups, self.about, self.city, target)
+
+    def about_in(self, crs: str | None, suffix: str = "") -> About:
+        """Return the description of a file with ``suffix`` in ``crs``, as `write`. Raises
+        `MapError` for a ``crs`` that does not fit."""
+        from evocity.io.export.reference_systems import export_system
+        from evocity.scene.reprojection import reproject_about
+
+        target = export_system(self.city, crs, metres=suffix not in TABLES)
+        return self.about if target is None else reproject_about(self.about, self.city, target)
 
     @property
     def _credited_city(self) -> CityMap:
@@ -306,13 +283,6 @@ class Scene:
         return walls, columns
 
 
-def _parts(shape: shapely.Geometry) -> np.ndarray:
-    """Return the polygons in a result of an overlay, without its points and lines."""
-    parts = shapely.get_parts(np.atleast_1d(shape))
-    parts = shapely.get_parts(parts)
-    return parts[(shapely.get_type_id(parts) == 3) & (shapely.area(parts) > 1e-6)]
-
-
 def scene(
     city: CityMap,
     *,
@@ -320,7 +290,12 @@ def scene(
     library: Library | str | os.PathLike | None = None,
     rng: np.random.Generator | None = None,
     streets: bool = False,
+    water: np.ndarray | None = None,
     measures: Mapping[str, float] | None = None,
+    lod: str | None = None,
+    roofs: bool = False,
+    triangles: int | None = None,
+    sources: Sequence[str] = (),
     **how: Any,
 ) -> Scene:
     """Make a scene of a map, with its ground, its buildings, and its objects lower than buildings.
@@ -331,9 +306,23 @@ def scene(
     library : a `Library` of objects, or the path of a folder that contains a library. If an object
         of the library fits a building, the object replaces the building. The generator ``rng``
         chooses between objects that fit equally well; None means a generator with the seed 0.
-    streets : whether the streets are separate surfaces.
+    streets : whether the ground is divided into carriageways, pavements, squares, courts, green and
+        other ground, as one coverage with the buildings.
+    water : bool ``(H, W)``, open ground that is water, with ``streets``; None means that the map
+        has no water.
     measures : values of the map's measures by name; CityJSON files store these values as
         attributes.
+    lod : level of detail, one of `evocity.scene.LEVELS`: "0" has footprints. "1.0" has blocks of
+        all buildings that touch, and "afar" has blocks of like height across streets. "1.2" has one
+        height for touching parts of like height, and walls of twice the tolerance. "1.3" has each
+        building with its own height, and "2.2" has pitched roofs. None means "1.3", or "2.2" with
+        ``roofs``.
+    roofs : whether buildings have pitched roofs, as with LoD 2.2. Raises `MapError` for a map
+        without heights, for heights above 1000 m, and for another level than 2.2.
+    triangles : most triangles of the scene, 12 or more: the finest level from ``lod`` on that has
+        no more. Raises `MapError` if no level has so few.
+    sources : the name of the source city of each building, in the order of `CityMap.buildings`, and
+        an empty text without one. `evocity.fitness.heredity.building_sources` returns these names.
     how : options of `CityMap.walled` for the walls: ``detail``, ``relative``, ``squared``,
         ``storeys`` and ``least_area``. Values out of range raise `MapError`.
     """
@@ -347,42 +336,25 @@ def scene(
         classes = ClassTable.read(classes)
     if isinstance(library, str | os.PathLike):
         library = Library.read(library)
-    walls = city.walled(**how) if how else city.walls
-    table = city.classes if classes is None else city.classified(classes)
-    laid = None
+    check_budget(triangles)
+    check_water(city, water, streets)
+    lod = level_of(lod, roofs)
+    if lod == "2.2":
+        check_heights(city)
     if library is not None:
-        rng = np.random.default_rng(0) if rng is None else rng
-        laid = substituted(city, library, rng, walls=walls, classes=table)
+        check_library(check_level(lod))
+    table = city.classes if classes is None else city.classified(classes)
     storey = how.get("storeys") or STOREY
-    return Scene(city, walls, table, streets, laid, measures or {}, storey)
-
-
-def suffix_of(path: Path) -> str | None:
-    """Return the suffix of a file name if it is a suffix of scene files, and otherwise None."""
-    name = path.name.lower()
-    return next((end for end in SUFFIXES if name.endswith(end) and name != end), None)
-
-
-def check_suffix(path: Path) -> str:
-    """Return the suffix of ``path``, if it is a suffix of scene files. Raises `MapError` for a
-    ``path`` without a suffix of scene files."""
-    suffix = suffix_of(path)
-    if suffix is None:
-        plain = "use .city.json, not .json; " if path.suffix.lower() == ".json" else ""
-        raise MapError(
-            f"{path.name}: scenes cannot be written to {path.suffix or 'a file without a suffix'}",
-            f"a name that ends in {', '.join(SUFFIXES)}",
-            f"{plain}choose .city.json for GIS, .glb for Blender and browsers, .obj for Rhino",
-        )
-    return suffix
-
-
-def write(groups: Sequence[Group], about: About, path: str | os.PathLike) -> None:
-    """Write groups of solids, as `Scene.write`."""
-    path = Path(path)
-    suffix = check_suffix(path)
-    check_place(path)
-    content = _WRITERS[suffix](groups, about)
-    data = content if isinstance(content, bytes) else content.encode("utf-8")
-    with open_output(path) as temporary:
-        temporary.write_bytes(data)
+    named = check_sources(city, sources)
+    for level in levels_from(check_level(lod)):
+        walls, laid = walls_at(city, level, how), None
+        if library is not None:
+            check_library(level.name)
+            rng = np.random.default_rng(0) if rng is None else rng
+            laid = substituted(city, library, rng, walls=walls, classes=table)
+        parts = (streets, laid, measures or {}, storey, named, level.name, how, water)
+        made = Scene(city, walls, table, *parts)
+        kept = len(walls) or not len(city.buildings)  # the coarsest cells may hold no building
+        if triangles is None or (kept and made.triangle_count <= triangles):
+            return made
+    raise too_many(made.triangle_count, triangles)

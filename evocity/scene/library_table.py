@@ -10,6 +10,8 @@ import shapely
 
 from evocity.errors import MapError
 from evocity.files import whole_file
+from evocity.io.export.styles import add_styles, height_style
+from evocity.pictures.colours import roofs_end
 from evocity.views.walls.coverage import find_pinched
 
 #: The table of a library's folder, and its layer.
@@ -85,8 +87,11 @@ def write_table(folder: Path, polygons: np.ndarray, columns: dict[str, Sequence]
                 driver="GPKG",
                 geometry_type="Polygon",
                 crs=_METRES,
+                dataset_options={"VERSION": "1.2"},
                 layer_options={"DESCRIPTION": thanks},
             )
+            highest = roofs_end(np.array(columns["height"], dtype=float))
+            add_styles(temporary, [(LAYER, "heights", height_style(highest), True)])
     except _file_errors() as error:
         raise MapError(
             f"{str(folder / TABLE)!r} cannot be written: {error}",

@@ -11,8 +11,8 @@ from evocity.evaluation.evaluator import Outcome
 from evocity.genome import Genome
 from evocity.recipe.recipe import Recipe
 from evocity.search.breeding.archipelago import Archipelago
+from evocity.search.breeding.birth_plans import Guidance
 from evocity.search.breeding.births import Offspring, add_results, breed_plans, without_failed
-from evocity.search.breeding.plans import Guidance
 from evocity.search.preparation.constraints import describe_unkept_bounds
 from evocity.search.preparation.preparation import Prepared, prepare
 from evocity.search.preparation.startup import Crew, block_sides, create_run_folder, start_engine

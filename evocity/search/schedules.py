@@ -18,8 +18,8 @@ import numpy as np
 
 from evocity.evaluation import Engine
 from evocity.search.breeding.archipelago import Archipelago, Tell
+from evocity.search.breeding.birth_plans import BirthPlan, Guidance, birth_generator
 from evocity.search.breeding.births import LOST, Offspring, stream_offspring
-from evocity.search.breeding.plans import Guidance, Plan, birth_generator
 from evocity.search.preparation.preparation import Prepared
 from evocity.search.record.complete_run import DIFFERS, differences, json_differences
 from evocity.search.resume.logged_plans import PastState
@@ -42,7 +42,7 @@ class WholeGenerations:
         plans = self._population.plans(generation, guidance)
         return self.select(self._check.breed_and_evaluate(self._engine, plans), generation)
 
-    def plans(self, generation: int, guidance: Guidance) -> list[Plan]:
+    def plans(self, generation: int, guidance: Guidance) -> list[BirthPlan]:
         """Plan a ``generation`` that is measured elsewhere, without refinements."""
         return self._population.plans(generation, guidance, refined=False)
 
@@ -68,7 +68,7 @@ class SteadyState:
         run, self._window = prepared.recipe.run, prepared.recipe.search.window
         self._size, self._end = run.population, (run.generations + 1) * run.population
         self._aims, self.population, self._island = prepared.aims, population, population.single
-        self._plans: deque[Plan] = deque()  # not yet under way
+        self._plans: deque[BirthPlan] = deque()  # not yet under way
         self._planned = 0  # the id after the last plan's
         self._early: dict[int, Offspring] = {}  # done before one of lower id
         self._done = ReplayCheck(prepared, population.event).stream(engine, self._next_plans())
@@ -138,7 +138,7 @@ class SteadyState:
             self._plans.append(self._island.plan(self._planned, guidance))
             self._planned += 1
 
-    def _next_plans(self) -> Iterator[Plan | None]:
+    def _next_plans(self) -> Iterator[BirthPlan | None]:
         while self._plans or self._planned < self._end:
             yield self._plans.popleft() if self._plans else None
 
@@ -150,10 +150,10 @@ class ReplayCheck:
     def __init__(self, prepared: Prepared, event: Callable[..., None]):
         self._run, self._aims, self._event = prepared.recipe.run, prepared.aims, event
         self._chosen: tuple[int, frozenset[int]] = -1, frozenset()
-        self._twins: dict[int, Plan] = {}
+        self._twins: dict[int, BirthPlan] = {}
         self._pairs: dict[int, dict[bool, Offspring]] = {}  # id -> the birth (False), its twin
 
-    def stream(self, engine: Engine, plans: Iterator[Plan | None]) -> Iterator[Offspring]:
+    def stream(self, engine: Engine, plans: Iterator[BirthPlan | None]) -> Iterator[Offspring]:
         """Do as `evocity.search.breeding.births.stream_offspring`, and keep the twins."""
         for child in stream_offspring(engine, self._with_twins(plans)):
             is_twin = self._twins.get(child.plan.id) is child.plan
@@ -162,7 +162,7 @@ class ReplayCheck:
             if not is_twin:
                 yield child
 
-    def breed_and_evaluate(self, engine: Engine, plans: list[Plan]) -> list[Offspring]:
+    def breed_and_evaluate(self, engine: Engine, plans: list[BirthPlan]) -> list[Offspring]:
         """Breed and evaluate all ``plans``, and keep the twins; the result has their order."""
         done = {child.plan.id: child for child in self.stream(engine, iter(plans))}
         return [done[plan.id] for plan in plans]
@@ -176,7 +176,7 @@ class ReplayCheck:
             self._chosen = generation, frozenset(np.flatnonzero(drawn < RATE).tolist())
         return slot in self._chosen[1]
 
-    def _with_twins(self, plans: Iterator[Plan | None]) -> Iterator[Plan | None]:
+    def _with_twins(self, plans: Iterator[BirthPlan | None]) -> Iterator[BirthPlan | None]:
         for plan in plans:
             if plan is None or not self.is_chosen(plan.id):
                 yield plan

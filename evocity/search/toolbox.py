@@ -16,7 +16,7 @@ from evocity.evaluation import Engine
 from evocity.evaluation.compilation import compile_once, kernel_parts
 from evocity.genome import Genome
 from evocity.recipe.recipe import Recipe
-from evocity.search.breeding.plans import birth_generator, founder_plan
+from evocity.search.breeding.birth_plans import birth_generator, founder_plan
 from evocity.search.preparation.preparation import prepare
 from evocity.search.preparation.startup import Crew, block_sides, start_engine
 from evocity.selection.backends import deap

@@ -1,7 +1,7 @@
 """Rendering of shapes and lines: masks, pictures, SVG, solids in GLB."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -225,11 +225,17 @@ class _ColourGroup:
     name: str
     colour: tuple[float, float, float]
     mesh: Mesh
-    count: int
+    heights: np.ndarray
+    attributes: Mapping[str, list] = field(default_factory=dict)
     copies: None = None
+    city_object: str = "LandUse"  # a writer makes one mesh of a surface
+
+    @property
+    def city_objects(self) -> list[str]:
+        return [self.city_object] * len(self)
 
     def __len__(self) -> int:
-        return self.count
+        return len(self.heights)
 
 
 def glb_of(
@@ -271,7 +277,7 @@ def glb_of(
         owner = np.repeat(np.arange(len(own), dtype=np.int32), len(faces))
         part = np.full(len(triangles), WALL, np.uint8)
         mesh = Mesh(points[own].reshape(-1, 3), triangles, owner, part)
-        groups.append(_ColourGroup(f"{name} {number}", tuple(colour), mesh, len(own)))
+        groups.append(_ColourGroup(f"{name} {number}", tuple(colour), mesh, np.zeros(len(own))))
     low, high = points.min(axis=(0, 1)), points.max(axis=(0, 1))
     size = float(high[0] - low[0]), float(high[1] - low[1])
     middle = float(low[0] + high[0]) / 2, float(low[1] + high[1]) / 2

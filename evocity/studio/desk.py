@@ -23,7 +23,7 @@ from evocity.recipe.values import Title
 from evocity.search.calibration.calibration import OF_PARENTS, USUAL_GOALS
 from evocity.search.calibration.recipe_text import describe_duration
 from evocity.search.record.complete_run import CompleteRun
-from evocity.studio.desk_maps import MEMORY, MapChoice, Maps, Number, Window
+from evocity.studio.desk_maps import MEMORY, MapChoice, Maps, Number, Window, without_map
 from evocity.studio.output_files import free_path, make_folder, write_error, write_recipe
 from evocity.studio.request_fields import Body, RequestError, fault_of, typed_field, whole_field
 from evocity.studio.subprocesses import DeskJob, RunProcesses, log_of
@@ -226,7 +226,7 @@ class Desk:
         """Replace the draft; a recipe for another draft is dropped."""
         with self._lock:
             for choice in draft.maps:
-                _ = self.maps[choice.map]
+                self.maps.check(choice)
             if len({choice.map for choice in draft.maps}) < len(draft.maps):
                 raise RequestError(
                     "the page chose one map twice",
@@ -256,7 +256,7 @@ class Desk:
 
     def drop(self, request: MapNumber) -> None:
         with self._lock:
-            kept = tuple(choice for choice in self.draft.maps if choice.map != request.map)
+            kept = without_map(self.draft.maps, request.map)
             self.change(self.draft.model_copy(update={"maps": kept}))
             self.maps.drop(request.map)
 
@@ -348,7 +348,7 @@ class Desk:
     def _parent(self, choice: MapChoice, folder: Path) -> dict:
         entry = self.maps[choice.map]
         named = {"name": entry.title} if entry.is_own else {}
-        return {"map": self.maps.copy(choice.map, folder)} | named | choice.options
+        return self.maps.copy_chosen(choice, folder) | named | choice.options
 
     def _calibrate(self, process: DeskJob, job: dict) -> None:
         def receive(result: dict) -> None:
@@ -411,7 +411,7 @@ class Desk:
         folder = path.with_name(f"{path.name}-recipe")
         try:
             for choice in self.draft.parents:
-                self.maps.copy(choice.map, folder)
+                self.maps.copy_chosen(choice, folder)
             write_recipe(folder / "recipe.toml", text)
         except (EvocityError, OSError) as error:
             shutil.rmtree(folder, ignore_errors=True)

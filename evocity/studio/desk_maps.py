@@ -4,6 +4,7 @@ the suffix of a known format; its name is text and never a path."""
 import contextlib
 import shutil
 import threading
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -23,7 +24,8 @@ from evocity.errors import (
 )
 from evocity.files import ProcessFolder
 from evocity.io.bundled_cities import DISTRICTS
-from evocity.io.map_reader import FOLDERS, READERS
+from evocity.io.map_paths import FOLDERS
+from evocity.io.map_reader import READERS
 from evocity.studio.request_fields import Body, RequestError, fault_of, typed_field, whole_field
 from evocity.studio.subprocesses import DeskJob
 
@@ -78,10 +80,26 @@ class MapChoice(Body):
     ] = None
     default_height: Annotated[float | None, _metres("default height")] = None
     height_scale: Annotated[float | None, _metres("metres of a grey level or unit")] = None
+    nodata: Annotated[float | None, typed_field("value of missing pixels", "a number")] = None
+    terrain: Annotated[
+        float | None,
+        typed_field("elevation of the ground", "a number of metres", ge=-1000, le=10_000),
+    ] = None
+    terrain_map: Number | None = None
 
     @property
     def options(self) -> dict[str, Any]:
-        return self.model_dump(exclude={"map", "chosen"}, exclude_none=True, mode="json")
+        hidden = {"map", "chosen", "terrain_map"}
+        return self.model_dump(exclude=hidden, exclude_none=True, mode="json")
+
+
+def without_map(choices: Iterable[MapChoice], number: int) -> tuple[MapChoice, ...]:
+    """Return ``choices`` without the map ``number``, which is the ground of no other map either."""
+    return tuple(
+        choice.model_copy(update={"terrain_map": None}) if choice.terrain_map == number else choice
+        for choice in choices
+        if choice.map != number
+    )
 
 
 @dataclass
@@ -183,7 +201,7 @@ class Maps:
             remedy = "convert it; GeoJSON and GeoTIFF are the easiest to check"
             if lower.endswith((".shp", ".dbf", ".shx", ".prj", ".cpg")):
                 what = "a part of a Shapefile"
-                remedy = "a Shapefile has several files: save it as GeoPackage, a single file"
+                remedy = "pack all files of the Shapefile into a zip, or save it as GeoPackage"
             expected = f"a single file that ends in {', '.join(sorted(SUFFIXES))}"
             raise MapError(f"{spell(name)} is {what}", expected, remedy)
         with self._changed:
@@ -225,6 +243,41 @@ class Maps:
         for path in (Path(entry.source), self._picture(number)):
             path.unlink(missing_ok=True)
 
+    def copy_chosen(self, choice: MapChoice, folder: Path) -> dict[str, str]:
+        """Copy a map and its raster of the ground for a recipe in the ``folder``; return their
+        names in the recipe."""
+        names = {"map": self.copy(choice.map, folder)}
+        if choice.terrain_map is not None:
+            names["terrain"] = self.copy(choice.terrain_map, folder)
+        return names
+
+    def check(self, choice: MapChoice) -> None:
+        """Raise `RequestError` unless the map of a ``choice`` is there, and its ground, if any, is
+        a raster from a file, or an elevation."""
+        title = self[choice.map].title
+        if choice.terrain_map is None:
+            return
+        entry = self[choice.terrain_map]
+        if choice.terrain_map == choice.map:
+            raise RequestError(
+                f"the map {title} is its own raster of the ground",
+                "another raster",
+                "choose another raster of the ground, or no raster",
+            )
+        if choice.terrain is not None:
+            raise RequestError(
+                f"the map {title} has an elevation of the ground, and a raster of the ground",
+                "one of the two",
+                "empty the field of the elevation, or choose no raster",
+            )
+        of_footprints = bool(entry.about and entry.about["rules"])  # in a zip
+        if not entry.is_own or of_footprints or "terrain" not in READERS[entry.suffix].takes:
+            raise RequestError(
+                f"the map {entry.title} is not a raster, so it cannot be the ground of a map",
+                "a raster of elevations from a file of your own",
+                "choose another raster of the ground",
+            )
+
     def copy(self, number: int, folder: Path) -> str:
         """Copy a map for a recipe in the ``folder``; return its name in the recipe."""
         entry = self[number]
@@ -243,7 +296,10 @@ class Maps:
             for number, entry in self._entries.items():
                 choice = choices.get(number, MapChoice(map=number))
                 is_set = entry.is_own or choice.chosen
-                self._request(entry, window if is_set else Window(), choice.options)
+                ground = {}
+                if choice.terrain_map is not None:
+                    ground["terrain"] = self[choice.terrain_map].source
+                self._request(entry, window if is_set else Window(), choice.options | ground)
 
     def _request(self, entry: MapEntry, window: Window, options: dict) -> None:
         entry.requested = window.model_dump() | options

@@ -4,6 +4,7 @@
 - `ground`: open space, distance to the nearest wall, streets and their widths
 - `streets`: the street graph of open ground, places, quarters
 - `walls`: straight walls of buildings, as polygons
+- `surfaces`: buildings and the ground between them, as one coverage of polygons
 - `classes`: classes of objects by area, height and shape
 - `orientation`: directions of walls, pixel by pixel
 - `connected_components`: the connected pieces of a mask

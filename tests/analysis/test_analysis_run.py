@@ -585,6 +585,7 @@ def test_chosen_births_become_a_zip(run, tmp_path):
         assert len(file.read("scores.csv").splitlines()) == 3
         file.extract("9/genome.parquet", tmp_path)
     files = {"map.tif", "footprints.gpkg", "picture.png", "genome.parquet", "scene.glb"}
+    files.add("map.qml")
     assert names == {f"{one}/{name}" for one in (9, 3) for name in files} | {
         "scores.csv",
         "ATTRIBUTION.txt",

@@ -275,11 +275,11 @@ def test_what_is_no_genome_is_called_what_it_is(tmp_path):
     for words in (("decode", *output), ("score",)):
         named = (words[0], tmp_path / "buildings.parquet", *words[1:])
         message = refused(tmp_path, *named, says="buildings.parquet is GeoParquet")
-        assert "encode a map: evocity encode MAP" in message
+        assert "evocity encode MAP" in message
     words = ("decode", tmp_path / "plain.parquet", *output)
     refused(tmp_path, *words, says="plain.parquet is Parquet, but not a genome")
     words = ("encode", tmp_path / "buildings.parquet", "-o", tmp_path / "g.parquet")
-    refused(tmp_path, *words, says="has no metadata of GeoParquet")
+    refused(tmp_path, *words, says="buildings.parquet has no metadata of GeoParquet")
     message = refused(tmp_path, "decode", "lyon-1er", *output, says="lyon-1er is a map")
     assert "evocity encode lyon-1er" in message
     refused(tmp_path, "decode", write_town(tmp_path / "a.npy"), *output, says="a.npy is a map")

@@ -213,7 +213,6 @@ def test_an_option_out_of_bounds_is_refused(tmp_path, genome_file, options, says
     ("name", "says"),
     [
         ("f.jpg", ".jpg cannot be written here"),
-        ("f.glb", "evocity scene FILE.tif -o f.glb"),
         ("f", "without a suffix"),
         ("town.parquet", "both the input and the output"),
         ("no/f.tif", "there is no folder"),

@@ -29,8 +29,9 @@ def test_a_map_becomes_what_the_library_writes(tmp_path, town_file, suffix):
     assert f"wrote {path}" in told
     city = evocity.read_map(town_file, metres_per_pixel=2)
     assert f"{len(city.walls)} buildings" in told
-    evocity.scene(city).write(tmp_path / f"same{suffix}")
-    assert path.read_bytes() == (tmp_path / f"same{suffix}").read_bytes()
+    (tmp_path / "same").mkdir()
+    evocity.scene(city).write(tmp_path / "same" / f"town{suffix}")
+    assert path.read_bytes() == (tmp_path / "same" / f"town{suffix}").read_bytes()
 
 
 def test_its_options_arrive(tmp_path, town_file):
@@ -55,6 +56,19 @@ def test_levels_of_detail_are_a_set_of_files(tmp_path, genome_file):
     assert "128 × 128 px at 1 m" in told
     call("scene", genome_file, "-o", tmp_path / "one.glb", "--zoom", 1)
     assert (tmp_path / "one.glb").read_bytes() == (tmp_path / "t-z1.glb").read_bytes()
+
+
+def test_roofs_are_counted_and_their_heights_explained(tmp_path, town_file):
+    town = ("scene", town_file, *AT_2_M)
+    said = call(*town, "--roofs", "-o", tmp_path / "t.glb").stdout
+    assert "roofs: " in said
+    assert "heights are those of the " in said
+    told = json.loads(call(*town, "--roofs", "-o", tmp_path / "t.city.json", "--json").stdout)
+    roofs = told["scenes"][0]["roofs"]
+    assert sum(roofs["forms"].values()) > 0
+    assert roofs["heights"] in ("eaves", "ridges")
+    assert told["scenes"][0]["lod"] == "2.2"
+    refused(tmp_path, *town, "--roofs", "--lod", "1.2", "-o", tmp_path / "x.glb", says="--roofs")
 
 
 def test_streets_classes_and_pictures(tmp_path, town_file):

@@ -17,15 +17,15 @@ def park():
     heights = np.zeros((100, 100))
     heights[5:14, 5:15] = 7
     heights[40:60, 30:70] = 0.2
-    heights[80, 20:80:20] = 6
+    heights[80:82, 20:80:20] = heights[80:82, 21:80:20] = 6
     return CityMap(heights, 1.0, name="park")
 
 
 def test_shares_are_of_what_stands_there():
     shares = object_classes(park())
-    assert shares["ground"] == pytest.approx(800 / 893)
-    assert shares["building"] == pytest.approx(90 / 893)
-    assert shares["post"] == pytest.approx(3 / 893)
+    assert shares["ground"] == pytest.approx(800 / 902)
+    assert shares["building"] == pytest.approx(90 / 902)
+    assert shares["post"] == pytest.approx(12 / 902)
     assert sum(shares.values()) == pytest.approx(1)
 
 

@@ -12,7 +12,7 @@ import pytest
 import shapely
 
 from evocity.errors import MapError
-from evocity.io import read_map
+from evocity.io import geoparquet, read_map
 
 CORNER = np.array([842000.0, 6519000.0])  # EPSG:2154, in Lyon
 BOXES = [(0, 0, 20, 20, 9.0), (40, 0, 60, 20, 12.0), (0, 40, 20, 60, 15.0)]
@@ -36,11 +36,15 @@ def is_right(found, expected=RIGHT):
     )
 
 
-def write_layer(path, driver, polygons=None, crs="EPSG:2154", layer=None, kind="Polygon"):
+def write_layer(
+    path, driver, polygons=None, crs="EPSG:2154", layer=None, kind="Polygon", index=True
+):
     polygons = squares() if polygons is None else polygons
     heights = np.array([box[4] for box in BOXES])
     heights = np.resize(heights, len(polygons))
     options = {"layer": layer} if layer else {}
+    if not index:
+        options["layer_options"] = {"SPATIAL_INDEX": "NO"}
     pyogrio.raw.write(
         path,
         shapely.to_wkb(polygons),
@@ -230,15 +234,16 @@ def test_sequences(tmp_path, mark):
 # ---------------------------------------------------------------- a town out of a national file
 
 
-@pytest.mark.parametrize("kind", ["gpkg", "fgb", "parquet", "covered"])
+@pytest.mark.parametrize("kind", ["gpkg", "fgb", "parquet", "covered", "gpkg bare", "fgb bare"])
 def test_a_window_of_a_large_file(tmp_path, kind):
     at = np.stack(np.meshgrid(np.arange(90) * 100, np.arange(90) * 100), -1).reshape(-1, 2)
     corners = at + CORNER
     polygons = shapely.box(*corners.T, *(corners + 20).T)
     lon, lat = 4.8270, 45.7558
-    if kind in ("gpkg", "fgb"):
-        driver = {"gpkg": "GPKG", "fgb": "FlatGeobuf"}[kind]
-        path = write_layer(tmp_path / f"a.{kind}", driver, polygons)
+    suffix, _, bare = kind.partition(" ")
+    if suffix in ("gpkg", "fgb"):
+        driver = {"gpkg": "GPKG", "fgb": "FlatGeobuf"}[suffix]
+        path = write_layer(tmp_path / f"a.{suffix}", driver, polygons, index=not bare)
     else:
         path = write_parquet(tmp_path / "a.parquet", polygons, covering=kind == "covered", rows=500)
     from pyproj import Transformer
@@ -247,7 +252,7 @@ def test_a_window_of_a_large_file(tmp_path, kind):
     lon, lat = to_degrees.transform(*(CORNER + 4500))
     city = read_map(path, center=(lon, lat), pixels=200)
     assert city.built.mean() == pytest.approx(0.04, abs=0.005)
-    assert ("all 8100" in city.taken) == (kind == "parquet")
+    assert ("all 8100" in city.taken) == (kind == "parquet" or bool(bare))
     with pytest.raises(MapError, match="no building in the") as fault:
         read_map(path, center=(lon + 1, lat))
     assert "8100 features" in str(fault.value)
@@ -269,6 +274,24 @@ def test_geoparquet_that_is_not_one(tmp_path):
     refused(write_parquet(tmp_path / "b.parquet", geo=False), "no metadata of GeoParquet")
     refused(write_parquet(tmp_path / "c.parquet", encoding="polygon"), "writes outlines as")
     refused(write_parquet(tmp_path / "d.parquet", crs=None), "no reference system")
+
+
+def test_geoparquet_of_too_many_bytes(tmp_path, monkeypatch):
+    path = write_parquet(tmp_path / "a.parquet")
+    monkeypatch.setattr(geoparquet, "MOST_BYTES", 900)
+    refused(path, "more than 0.9 kB of outlines")
+
+
+@pytest.mark.slow
+def test_geoparquet_that_fills_the_memory(tmp_path):
+    path = write_parquet(tmp_path / "a.parquet")
+    kinds = {"compression": "zstd", "use_dictionary": False, "data_page_size": 1 << 30}
+    table = pq.read_table(path).slice(0, 1)
+    outline = pa.array([bytes(60 << 20)], pa.binary())
+    whole = table.set_column(0, "geometry", outline).replace_schema_metadata(table.schema.metadata)
+    pq.write_table(pa.concat_tables([whole] * 10), path, write_batch_size=8, **kinds)
+    assert path.stat().st_size < 1_000_000
+    refused(path, "of outlines and attributes")
 
 
 def test_zips_that_harm(tmp_path):

@@ -1,14 +1,22 @@
 """Damaged files of each format end in a map or in one error, in a process of their own."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
 
+import format_writers as w
 import numpy as np
 import pytest
+from PIL import Image
 from test_io_formats import BOXES, dxf, kml, lod, write_layer, write_parquet, write_zip
 
-KINDS = (".parquet", ".fgb", ".gdb", ".geojsonl", ".zip", ".kml", ".kmz", ".gml", ".dxf")
+KINDS = (
+    *(".parquet", ".fgb", ".gdb", ".geojsonl", ".zip", ".kml", ".kmz", ".gml", ".dxf"),
+    *(".asc", ".city.jsonl", ".json", ".osm", ".tif.aux.xml", ".tif.msk"),
+)
+TOWN = {".asc": w.write_asc, ".city.jsonl": w.write_cityjson_lines}
+TOWN |= {".json": w.write_overpass, ".osm": w.write_overpass}
 SECONDS = 20
 
 READ = """
@@ -18,6 +26,8 @@ from evocity.errors import MapError
 from evocity.io import read_map
 read = refused = 0
 for path in sorted(Path(sys.argv[1]).iterdir()):
+    if path.name.endswith((".aux.xml", ".msk", ".prj")):
+        continue  # beside a raster
     signal.alarm({seconds})  # ends the process
     try:
         read_map(path, pixels=32)
@@ -32,8 +42,13 @@ print("done", read, refused)
 
 
 def whole(folder: Path, suffix: str) -> Path:
-    """Write a whole file of a format."""
+    """Write a whole file of a format; for a sidecar, beside its raster."""
     path = folder / f"a{suffix}"
+    if suffix in TOWN:
+        rows = [{"height": high, "solid": high} for high in (9.0, 12.0)]
+        return TOWN[suffix](path, [w.box(), w.box(40)], rows)
+    if suffix in SIDECARS:
+        return sidecar(path)
     if suffix == ".parquet":
         return write_parquet(path, covering=True)
     if suffix == ".fgb":
@@ -55,6 +70,26 @@ def whole(folder: Path, suffix: str) -> Path:
         ".dxf": dxf(BOXES),
     }
     path.write_text(texts[suffix])
+    return path
+
+
+SIDECARS = (".tif.aux.xml", ".tif.msk")
+
+
+def sidecar(path: Path) -> Path:
+    """Write a GeoTIFF without a value for its missing pixels, and the sidecar with them."""
+    raster = path.with_name("a.tif")
+    values = w.raster_of([w.box()], [{"height": 9.0}])[0]
+    values[:5, :5] = 99.0
+    w.write_geotiff(raster, [w.box()], [{"height": 9.0}], values=values)
+    if path.suffix == ".msk":
+        mask = np.where(values == 99.0, 0, 255).astype(np.uint8)
+        Image.fromarray(mask).save(path, "TIFF")
+    else:
+        path.write_text(
+            '<PAMDataset><PAMRasterBand band="1"><NoDataValue>99</NoDataValue>'
+            "<UnitType>m</UnitType><Scale>1</Scale><Offset>0</Offset></PAMRasterBand></PAMDataset>"
+        )
     return path
 
 
@@ -97,6 +132,10 @@ def fuzz(folder: Path, suffix: str, count: int) -> tuple[int, ...]:
                 )
         else:
             target.write_bytes(damaged(rng, path.read_bytes()))
+            if suffix == ".asc":
+                os.link(path.with_suffix(".prj"), target.with_suffix(".prj"))
+            if suffix in SIDECARS:
+                os.link(path.with_name("a.tif"), target.parent / f"{number:04}.tif")
     before = sorted((folder / "damaged").rglob("*"))
     run = subprocess.run(
         [sys.executable, "-c", READ.format(seconds=SECONDS), str(folder / "damaged")],

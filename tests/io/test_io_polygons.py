@@ -24,6 +24,9 @@ from evocity.io.bundled_cities import path_of
 SUFFIXES = [".gpkg", ".geojson"]
 PARIS = {"origin": (652_345.25, 6_862_345.5), "crs": "EPSG:2154"}
 
+# A GeoPackage has a second layer, with styles.
+LAYER = {".gpkg": {"layer": "buildings"}}
+
 
 def levelled(city):
     """Float32 heights of a city whose buildings are as high as their mean, all else ground."""
@@ -63,7 +66,7 @@ def test_bundled_cities_come_back_pixel_for_pixel(tmp_path, name, decoded):
 def test_straight_walls_are_written_and_come_back(tmp_path, name, suffix):
     city = read_map(name)
     write_map(city, tmp_path / f"a{suffix}")
-    table = geopandas.read_file(tmp_path / f"a{suffix}")
+    table = geopandas.read_file(tmp_path / f"a{suffix}", **LAYER.get(suffix, {}))
     walls = city.walls
     assert table.id.tolist() == walls.buildings.tolist()
     np.testing.assert_allclose(table.height, walls.heights, rtol=1e-6)
@@ -120,9 +123,10 @@ def test_polygons_are_the_buildings_and_as_ogc_wants_them(tmp_path, suffix):
     city = town(shape=(60, 50))
     assert (city.buildings.courtyards > 0).any()
     write_map(city, tmp_path / f"a{suffix}", raw=True)
-    table = geopandas.read_file(tmp_path / f"a{suffix}")
+    table = geopandas.read_file(tmp_path / f"a{suffix}", **LAYER.get(suffix, {}))
     buildings = city.buildings
-    assert list(table.columns) == ["id", "height", "area", "geometry"]
+    classes = ["class"] if suffix == ".gpkg" else []
+    assert list(table.columns) == ["id", "height", "area", *classes, "geometry"]
     assert table.id.tolist() == list(range(1, len(buildings) + 1))
     np.testing.assert_allclose(table.height, buildings.height, rtol=1e-6)
     np.testing.assert_array_equal(table["area"], buildings.area)
@@ -170,8 +174,9 @@ def test_geojson_is_rfc_7946_and_thanks_its_source(tmp_path):
 
 def test_a_geopackage_names_its_layer_its_place_and_its_source(tmp_path):
     write_map(town(), tmp_path / "a.gpkg")
-    assert pyogrio.list_layers(tmp_path / "a.gpkg").tolist() == [["buildings", "Polygon"]]
-    told = pyogrio.read_info(tmp_path / "a.gpkg")["layer_metadata"]
+    layers = pyogrio.list_layers(tmp_path / "a.gpkg").tolist()
+    assert layers == [["buildings", "Polygon"], ["layer_styles", None]]
+    told = pyogrio.read_info(tmp_path / "a.gpkg", layer="buildings")["layer_metadata"]
     assert (told["ATTRIBUTION"], told["NAME"]) == ("© Ünë – x", "Đà Nẵng")
     assert "metres" in told["HEIGHT"]
     assert contents(tmp_path / "a.gpkg") == ("Đà Nẵng", "© Ünë – x", 2154)
@@ -191,7 +196,7 @@ def test_a_map_without_a_place_is_in_local_metres_or_refused(tmp_path):
     city = town(placed=False)
     write_map(city, tmp_path / "a.gpkg")
     assert contents(tmp_path / "a.gpkg")[2] == -1  # undefined Cartesian
-    table = geopandas.read_file(tmp_path / "a.gpkg")
+    table = geopandas.read_file(tmp_path / "a.gpkg", **LAYER[".gpkg"])
     assert CRS(table.crs).is_engineering
     assert table.total_bounds == pytest.approx(shapely.total_bounds(city.outline))
     assert 0 <= table.total_bounds.min() < table.total_bounds.max() <= 80

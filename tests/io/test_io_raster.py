@@ -181,7 +181,7 @@ def test_a_tif_gives_back_the_map(tmp_path_factory, seed, shape, side, placed):
     assert back.heights.tobytes() == city.heights.tobytes()
     for what in ("metres_per_pixel", "name", "attribution", "origin", "crs"):
         assert getattr(back, what) == getattr(city, what), what
-    assert [p.name for p in path.parent.iterdir()] == ["a.tif"]
+    assert sorted(p.name for p in path.parent.iterdir()) == ["a.qml", "a.tif"]
 
 
 def test_a_map_of_footprints_comes_back_from_a_tif_at_its_place(tmp_path):

@@ -8,6 +8,7 @@ import pytest
 import rasterio
 from affine import Affine
 from PIL import Image
+from pyproj import CRS
 
 from evocity.errors import MapError
 from evocity.io import read_map
@@ -197,10 +198,11 @@ def test_an_ascii_grid_is_read(tmp_path):
     with pytest.raises(MapError, match="metres_per_pixel=2"):
         read_map(path)
     same(read_map(path, metres_per_pixel=2), town())
-    (tmp_path / "a.prj").write_text(rasterio.crs.CRS.from_epsg(2154).to_wkt())
-    city = read_map(path)
-    same(city, town())
-    assert (city.origin, city.crs) == ((842000, 6519128), "EPSG:2154")
+    for kind in ("WKT1_GDAL", "WKT1_ESRI", "WKT2_2019"):  # ESRI writes no codes
+        (tmp_path / "a.prj").write_text(CRS.from_epsg(2154).to_wkt(kind))
+        city = read_map(path)
+        same(city, town())
+        assert (city.origin, city.crs) == ((842000, 6519128), "EPSG:2154")
 
 
 @pytest.mark.parametrize(

@@ -74,27 +74,6 @@ def areas_of(city):
 
 # ---------------------------------------------------------------- the files of others' troubles
 
-RIGHT = [
-    ("texts.geojson", {3.45: 400, 12: 800}, "1 from height, 2 from levels, 1 of them in feet"),
-    ("gc.gpkg", {9: 400, 12: 400}, "2 of the file's 2 buildings"),
-    ("part.geojson", {9: 400, 12: 400, 15: 400}, "2 without a value of 'building'"),
-    ("ovt.geojson", {6: 400, 15: 400}, "left out: 1 underground; heights: 1 from levels"),
-    ("bdtopo3.geojson", {12: 400, 15: 400}, "heights: 1 from HAUTEUR, 1 from levels"),
-    ("degen.geojson", {9: 400}, "left out: 1 with a degenerate outline"),
-    ("degenhole.geojson", {9: 800}, "1 degenerate rings left out"),
-    ("l1.shp", {9: 400, 12: 400, 15: 400}, "3 with texts in another encoding"),
-    ("phs.gpkg", {9: 400, 12: 400}, "2 of the file's 2 buildings"),
-    ("epsg2154.shp", {9: 400, 12: 400}, "heights: 2 from height"),
-]
-
-
-@with_shared
-@pytest.mark.parametrize(("name", "areas", "note"), RIGHT)
-def test_a_troublesome_file_is_read_right(name, areas, note):
-    city = read_map(TROUBLES / name)
-    assert areas_of(city) == areas
-    assert note in city.taken
-
 
 @with_shared
 @pytest.mark.parametrize("name", ["gc.gpkg", "epsg2154.shp", "bdtopo3.geojson"])
@@ -399,28 +378,6 @@ def test_cityjson_has_a_reference_system(tmp_path, name):
     again = read_map(tmp_path / "a.city.json", pixels=64)
     assert again.origin == pytest.approx(city.origin, abs=1e-3)
     assert (again.built == city.built).mean() > 0.9
-
-
-# ---------------------------------------------------------------- the table of docs/maps.md
-
-
-@pytest.mark.parametrize("suffix", [".geojson", ".gpkg", ".shp"])
-def test_the_table_of_formats(tmp_path, suffix):
-    """Heights by columns, all parts, open holes, the CRS and unknown heights of each format."""
-    path = tmp_path / f"a{suffix}"
-    ring = house(0, 0, 60).difference(house(20, 20, 20))
-    shapes = [shapely.MultiPolygon([ring, house(80)]), house(0, 80)]
-    if suffix == ".geojson":
-        write_json(path, shapes, [{"height": 9}, {"height": 0}])
-    else:
-        write(path, shapes, "MultiPolygon" if suffix == ".gpkg" else "Polygon", height=[9.0, 0.0])
-    city = read_map(path)
-    assert areas_of(city) == pytest.approx({9: 3600 - 400 + 400, 6: 400}, rel=0.005)
-    assert (city.crs == "EPSG:2154") is (suffix != ".geojson")
-    maps = (Path(__file__).parents[2] / "docs" / "maps.md").read_text(encoding="utf-8")
-    title = {".geojson": "GeoJSON", ".gpkg": "GeoPackage", ".shp": "Shapefile"}[suffix]
-    (row,) = [line for line in maps.splitlines() if line.startswith(f"| {title} |")]
-    assert row.count("|") == 8
 
 
 def test_texts_that_are_not_utf8_in_a_geopackage(tmp_path):

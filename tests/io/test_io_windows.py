@@ -9,6 +9,7 @@ from evocity.citymap import CityMap
 from evocity.errors import MapError
 from evocity.io import WINDOW_WRITERS, WRITERS, read_map, write_map, write_windows
 from evocity.io.geotiff_seal import SEAL
+from evocity.io.writers import TABLES
 
 
 class Windows:
@@ -34,7 +35,7 @@ def town():
 
 
 def test_windows_are_written_to_what_maps_are():
-    assert set(WINDOW_WRITERS) == set(WRITERS) - {".png", ".gpkg", ".geojson"}
+    assert set(WINDOW_WRITERS) == set(WRITERS) - {".png", *TABLES, ".geojson"}
 
 
 def test_a_geotiff_by_windows_tells_what_a_whole_one_does(tmp_path, town):

@@ -8,7 +8,6 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import numpy as np
-import shapely
 
 #: By group, float64 ``(t, 3, 3)``: corners of triangles, x to the east, y to the north, z up.
 Triangles = dict[str, np.ndarray]
@@ -45,12 +44,7 @@ def _glb(path: Path) -> Triangles:
     document, body = glb_document(path)
 
     def array(number: int) -> np.ndarray:
-        accessor = document["accessors"][number]
-        view = document["bufferViews"][accessor["bufferView"]]
-        kind = {5126: "<f4", 5123: "<u2", 5125: "<u4"}[accessor["componentType"]]
-        width = {"SCALAR": 1, "VEC3": 3}[accessor["type"]]
-        count = accessor["count"] * width
-        return np.frombuffer(body, kind, count, view["byteOffset"]).reshape(-1, width)
+        return glb_array(document, body, number)
 
     def triangles(node: dict) -> np.ndarray:
         """Of a node and what is below it, where it stands; y up."""
@@ -62,10 +56,31 @@ def _glb(path: Path) -> Triangles:
             for primitive in document["meshes"][node["mesh"]]["primitives"]:
                 points = array(primitive["attributes"]["POSITION"]).astype(float)
                 parts.append(points[array(primitive["indices"]).ravel()].reshape(-1, 3, 3))
-        return _moved(np.concatenate(parts), node)
+        own = np.concatenate(parts)
+        placed = node.get("extensions", {}).get("EXT_mesh_gpu_instancing")
+        if placed is None:
+            return _moved(own, node)
+        moves = [array(number) for number in placed["attributes"].values()]
+        names = [name.lower() for name in placed["attributes"]]
+        return np.concatenate(
+            [_moved(own, dict(zip(names, row, strict=True))) for row in zip(*moves, strict=True)]
+        )
 
     roots = [document["nodes"][k] for k in document["scenes"][document["scene"]]["nodes"]]
     return {node["name"]: _z_up(triangles(node)) for node in roots}
+
+
+def glb_array(document: dict, body: bytes, number: int) -> np.ndarray:
+    accessor = document["accessors"][number]
+    view = document["bufferViews"][accessor["bufferView"]]
+    kind = {5126: "<f4", 5123: "<u2", 5125: "<u4"}[accessor["componentType"]]
+    width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}[accessor["type"]]
+    assert view.get("byteStride", width * int(kind[2])) == width * int(kind[2])
+    start = view["byteOffset"] + accessor.get("byteOffset", 0)
+    assert start + accessor["count"] * width * int(kind[2]) <= (
+        view["byteOffset"] + view["byteLength"]
+    )
+    return np.frombuffer(body, kind, accessor["count"] * width, start).reshape(-1, width)
 
 
 def _moved(corners: np.ndarray, node: dict) -> np.ndarray:
@@ -115,28 +130,6 @@ def _indexed(points: str, faces: str) -> np.ndarray:
     return placed[fans]
 
 
-def _extruded(section: str, spine: str) -> np.ndarray:
-    """An Extrusion straight up, by VRML97 §6.18: its cross-section is of x and z, walls turn
-    outwards where it runs against the clock seen from above, caps close both ends."""
-    around = _numbers(section).reshape(-1, 2)
-    x, below, z, *top = _numbers(spine)
-    assert (x, below, z, top[0], top[2]) == (0, 0, 0, 0, 0)
-    assert top[1] > 0
-    assert (around[0] == around[-1]).all()  # closed
-    assert (around[1:] != around[:-1]).any(axis=1).all()
-    (low, high) = (np.insert(around, 1, level, axis=1) for level in (0, top[1]))
-    sides = zip(low[:-1], low[1:], high[1:], high[:-1], strict=True)
-    walls = [three for a, b, c, d in sides for three in ((a, b, c), (a, c, d))]
-    plan = shapely.Polygon(around * (1, -1))
-    assert plan.is_valid
-    assert plan.exterior.is_ccw
-    caps = shapely.get_parts(shapely.constrained_delaunay_triangles(plan))
-    flat = [shapely.get_coordinates(shapely.orient_polygons(one))[:3] for one in caps]
-    roofs = [np.insert(one * (1, -1), 1, top[1], axis=1) for one in flat]
-    floors = [np.insert(one[::-1] * (1, -1), 1, 0, axis=1) for one in flat]
-    return np.array([*walls, *roofs, *floors])
-
-
 def _placed(solids: list[np.ndarray], translation: str, scale: str) -> np.ndarray:
     """As the Transform about all lays them."""
     return _z_up(np.concatenate(solids) * _numbers(scale) + _numbers(translation))
@@ -148,25 +141,21 @@ def _wrl(path: Path) -> Triangles:
     (how,) = re.findall(r"^Transform \{ translation (.*?) scale (.*?) children \[$", text, re.M)
     found, looks = {}, {}
     for name, shapes in re.findall(
-        r"^DEF (\w+) Group \{ children \[$(.*?)^\] \}$", text, re.M | re.S
+        r"^DEF (\S+) Group \{ children \[$(.*?)^\] \}$", text, re.M | re.S
     ):
-        solids = []
-        for line in shapes.strip().splitlines():
-            look, geometry = re.fullmatch(
-                r"Shape\{appearance (.*) geometry (\w+\{.*\})\}", line
+        solids, own = [], set()
+        for line in shapes.strip().replace("\ngeometry", " geometry").splitlines():
+            label, look, geometry = re.fullmatch(
+                r"DEF (\S+) Shape\{appearance (.*) geometry (\w+\{.*\})\}", line
             ).groups()
+            own.add(label)
             if look.startswith("DEF"):
                 looks[look.split()[1]] = look
             else:
-                assert look.removeprefix("USE ") == f"{name}-look"
-                assert f"{name}-look" in looks
-            if extruded := re.fullmatch(
-                r"Extrusion\{convex FALSE crossSection\[(.*)\]spine\[(.*)\]\}", geometry
-            ):
-                solids.append(_extruded(*extruded.groups()))
-            else:
-                pattern = r"IndexedFaceSet\{coord Coordinate\{point\[(.*)\]\}coordIndex\[(.*)\]\}"
-                solids.append(_indexed(*re.fullmatch(pattern, geometry).groups()))
+                assert look.removeprefix("USE ") in looks
+            pattern = r"IndexedFaceSet\{coord Coordinate\{point\[(.*)\]\}coordIndex\[(.*)\]\}"
+            solids.append(_indexed(*re.fullmatch(pattern, geometry).groups()))
+        assert len(own) == len(solids)
         found[name] = _placed(solids, *how)
     return found
 
@@ -180,11 +169,8 @@ def _x3d(path: Path) -> Triangles:
         solids = []
         for shape in group.findall("Shape"):
             _, geometry = shape
-            if geometry.tag == "Extrusion":
-                assert geometry.get("convex") == "false"
-                solids.append(_extruded(geometry.get("crossSection"), geometry.get("spine")))
-            else:
-                (points,) = geometry.iter("Coordinate")
-                solids.append(_indexed(points.get("point"), geometry.get("coordIndex")))
+            assert shape.get("DEF").startswith(group.get("DEF"))
+            (points,) = geometry.iter("Coordinate")
+            solids.append(_indexed(points.get("point"), geometry.get("coordIndex")))
         found[group.get("DEF")] = _placed(solids, whole.get("translation"), whole.get("scale"))
     return found

@@ -25,7 +25,9 @@ import evocity.scene
 from evocity.citymap import CityMap
 from evocity.errors import MapError
 from evocity.formats import About, Copies, Group, glb
+from evocity.formats.materials import materials_of, names_of
 from evocity.formats.solids import FLOOR, ROOF, WALL
+from evocity.formats.trees import form_of
 from evocity.io.map_reader import data_of
 from evocity.io.reader_types import Request
 
@@ -274,6 +276,9 @@ def test_meshes_hold_what_was_written(scene, tmp_path, suffix):
         if not len(group):
             continue
         triangles = found[group.name]
+        if form_of(group) is not None:
+            check_forms(group, triangles)
+            continue
         normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
         flat = np.abs(normals[:, 2]) > 1e-3 * np.abs(normals).max(axis=1)
         up = flat & (normals[:, 2] > 0)
@@ -295,25 +300,47 @@ def test_meshes_hold_what_was_written(scene, tmp_path, suffix):
         assert (covered / shapely.area(group.polygons)).min() >= 0.999
 
 
+def check_forms(group, triangles) -> None:
+    """Trees and posts: as high as the objects, in their middle, closed and turned outwards."""
+    own = triangles.reshape(len(group), -1, 3, 3)
+    assert own[..., 2].max(axis=(1, 2)) == pytest.approx(group.heights, abs=0.01)
+    assert own[..., 2].min(axis=(1, 2)) == pytest.approx(0.0, abs=1e-6)
+    low, high = own[..., :2].min(axis=(1, 2)), own[..., :2].max(axis=(1, 2))
+    middles = shapely.get_coordinates(shapely.centroid(group.polygons))
+    radii = np.sqrt(shapely.area(group.polygons) / np.pi)
+    assert (np.abs((low + high) / 2 - middles) < 0.1 * radii[:, None] + 0.01).all()
+    a, b, c = np.moveaxis(own, 2, 0)
+    assert (np.einsum("nij,nij->n", a, np.cross(b, c)) > 0).all()
+
+
 def test_glb_is_valid_to_khronos(scene, tmp_path):
     if shutil.which("node") is None or not (NODE / "node_modules" / "gltf-validator").is_dir():
         pytest.skip("node or its gltf-validator is not there: make .venv/installed-node")
-    script = tmp_path / "check.js"
+    check_with_khronos(written(scene, tmp_path, ".glb"))
+
+
+def check_with_khronos(path: Path) -> None:
+    script = path.parent / "check.js"
     script.write_text(
         "const v = require('gltf-validator'), fs = require('fs');"
         "v.validateBytes(new Uint8Array(fs.readFileSync(process.argv[2])))"
         ".then(r => console.log(JSON.stringify(r)))",
         encoding="utf-8",
     )
-    path = written(scene, tmp_path, ".glb")
     told = subprocess.run(
         ["node", script, path],
         env={"NODE_PATH": str(NODE / "node_modules"), "PATH": "/usr/bin:/usr/local/bin:/bin"},
         capture_output=True,
         check=True,
     )
-    issues = json.loads(told.stdout)["issues"]
-    assert issues["messages"] == []
+    check_issues(json.loads(told.stdout)["issues"])
+
+
+def check_issues(issues: dict) -> None:
+    """Texture coordinates wait for a texture; the validator does not know some extensions."""
+    assert (issues["numErrors"], issues["numWarnings"]) == (0, 0)
+    codes = {one["code"] for one in issues["messages"]}
+    assert codes <= {"UNUSED_OBJECT", "UNSUPPORTED_EXTENSION"}
 
 
 @pytest.mark.parametrize("suffix", [".wrl", ".x3d"])
@@ -336,7 +363,7 @@ const told = {};
 scene.traverse(one => {
   if (!one.isMesh) return;
   let group = one;
-  while (!group.name) group = group.parent;
+  for (let above = one; above; above = above.parent) if (above.name) group = above;
   const points = one.geometry.attributes.position;
   const [a, b, c] = [0, 1, 2].map(() => new Vector3());
   let six = 0;
@@ -360,7 +387,7 @@ def test_three_js_makes_the_same_solids_of_vrml(scene, tmp_path):
     told = subprocess.run(["node", script, path], capture_output=True, check=True)
     volumes = json.loads(told.stdout)
     assert list(volumes) == [group.name for group in scene.groups if len(group)]
-    for group in scene.groups:
+    for group in (one for one in scene.groups if form_of(one) is None):
         wanted = shapely.area(group.polygons) * group.heights
         # walls and roofs lie within a millimetre: numbers are whole ones
         slack = 1e-3 * (
@@ -397,13 +424,16 @@ def test_glb_keeps_where_it_lies_with_its_scene(scene, tmp_path):
 
 
 def test_colours_of_glb_are_linear(tmp_path):
-    scene = scene_of("one_pixel")
+    scene = scene_of("lyon-1er")
     document, _ = parsed.glb_document(written(scene, tmp_path, ".glb"))
-    filled = [group for group in scene.groups if len(group)]
-    for material, group in zip(document["materials"], filled, strict=True):
-        linear = material["pbrMetallicRoughness"]["baseColorFactor"][:3]
+    wanted = dict.fromkeys(one for group in scene.groups for one in materials_of(group))
+    assert {"ground", "wall", "roof", "trunk", "tree"} <= {one.name for one in wanted}
+    for material, own in zip(document["materials"], wanted, strict=True):
+        look = material["pbrMetallicRoughness"]
+        linear = look["baseColorFactor"][:3]
         back = [12.92 * c if c <= 0.0031308 else 1.055 * c ** (1 / 2.4) - 0.055 for c in linear]
-        assert back == pytest.approx(group.colour, abs=1e-4)
+        assert back == pytest.approx(own.colour, abs=1e-4)
+        assert (material["name"], look["roughnessFactor"]) == (own.name, own.roughness)
 
 
 def test_files_tell_whose_and_where_they_are(tmp_path):
@@ -480,6 +510,26 @@ def test_copies_of_objects_are_valid_everywhere(tmp_path):
     test_glb_is_valid_to_khronos(of_copies(), tmp_path)
 
 
+@pytest.mark.parametrize("merge", [False, True])
+@pytest.mark.parametrize("instances", [False, True])
+def test_each_way_of_glb_has_the_same_triangles(tmp_path, merge, instances):
+    scene = of_copies()
+    path = tmp_path / "x.glb"
+    scene.write(path, merge=merge, instances=instances)
+    found = parsed.read(path)
+    for group in scene.groups:
+        wanted = group.mesh.points[group.mesh.triangles]
+        where = [
+            np.sort(np.round(one.mean(axis=1), 2), axis=0) for one in (found[group.name], wanted)
+        ]
+        assert where[0] == pytest.approx(where[1], abs=0.02)
+        a, b, c = np.moveaxis(found[group.name], 1, 0)
+        volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6
+        assert volume == pytest.approx(group.volume, rel=1e-4, abs=1e-6)
+    if shutil.which("node") is not None and (NODE / "node_modules" / "gltf-validator").is_dir():
+        check_with_khronos(path)
+
+
 def test_an_object_that_comes_twice_is_one_mesh_of_glb(tmp_path):
     scene = of_copies()
     path = written(scene, tmp_path, ".glb")
@@ -487,15 +537,14 @@ def test_an_object_that_comes_twice_is_one_mesh_of_glb(tmp_path):
     group, nodes = scene.groups[-1], document["nodes"]
     (root,) = (node for node in nodes if node["name"] == group.name)
     counts = np.bincount(group.copies.of[group.copies.of >= 0])
-    names = [nodes[k]["name"] for k in root["children"]]
-    told = {name: names.count(name) for name in names}
-    assert told == {
-        group.copies.names[shape]: count for shape, count in enumerate(counts) if count > 1
-    }
-    of_nodes = {nodes[k]["name"]: nodes[k]["mesh"] for k in root["children"]}
-    assert len(set(of_nodes.values())) == len(told)
-    assert len(document["meshes"]) == len(told) + 1 + ("mesh" in root)  # and the ground
-    assert len(document["materials"]) == sum(len(one) > 0 for one in scene.groups)
+    below = [nodes[k] for k in root["children"]]
+    assert sorted(one["name"] for one in below) == sorted(names_of(group))
+    meshes = [document["meshes"][one["mesh"]]["name"] for one in below]
+    own = {group.copies.names[shape]: count for shape, count in enumerate(counts) if count > 1}
+    assert {name: meshes.count(name) for name in own} == own
+    assert len({one["mesh"] for one in below}) == len(group) - sum(own.values()) + len(own)
+    assert len(document["meshes"]) == len({one["mesh"] for one in below}) + 1  # and the ground
+    assert [one["name"] for one in document["materials"]] == ["ground", "wall", "roof"]
     triangles = parsed.read(path)["building"]
     assert len(triangles) == len(group.mesh.triangles)
     a, b, c = np.moveaxis(triangles, 1, 0)

@@ -189,10 +189,12 @@ def test_streets_are_surfaces_that_overlap_nothing():
         ground, street = scene.groups[:2]
         assert (ground.name, street.name) == ("ground", "street")
         assert len(street) == len(street.attributes["kind"]) > 5
-        whole = shapely.area(ground.polygons).sum() + shapely.area(street.polygons).sum()
-        assert whole == pytest.approx(scene.city.area, rel=1e-4)
-        assert shapely.is_valid(ground.polygons).all()
-        assert shapely.is_valid(street.polygons).all()
+        assert {"pavement", "square", "court"} <= {group.name for group in scene.groups}
+        polygons = np.concatenate([group.polygons for group in scene.groups])
+        assert shapely.area(polygons).sum() == pytest.approx(scene.city.area, rel=1e-9)
+        assert shapely.coverage_is_valid(polygons)
+        points = shapely.get_coordinates(polygons) * 100
+        assert points == pytest.approx(np.round(points), abs=1e-6)
 
 
 def test_low_objects_are_solids_of_their_class():
@@ -215,10 +217,17 @@ def test_pictures_and_geopackages_are_written(tmp_path):
         assert picture.info["Copyright"] == city.attribution
     scene.write(tmp_path / "m.gpkg")
     layers = [name for name, _ in pyogrio.list_layers(tmp_path / "m.gpkg")]
-    assert layers == ["buildings", "street_edges", "street_nodes", "places"]
+    assert layers == [
+        "buildings",
+        "street_edges",
+        "street_nodes",
+        "places",
+        "ground",
+        "layer_styles",
+    ]
     assert pyogrio.read_info(tmp_path / "m.gpkg", layer="buildings")["features"] == len(scene.walls)
     evocity.scene(city).write(tmp_path / "m.gpkg")
-    assert len(pyogrio.list_layers(tmp_path / "m.gpkg")) == 1
+    assert len(pyogrio.list_layers(tmp_path / "m.gpkg")) == 2
     assert evocity.read_map(tmp_path / "m.gpkg").origin == pytest.approx(city.origin)
 
 

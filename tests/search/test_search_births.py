@@ -10,8 +10,8 @@ from test_search_run import FAILING, rows, run
 from evocity import operators
 from evocity.evaluation.evaluator import Evaluator, Outcome
 from evocity.search import Search, read_recipe
+from evocity.search.breeding.birth_plans import BirthPlan
 from evocity.search.breeding.births import stream_offspring, without_failed
-from evocity.search.breeding.plans import Plan
 from evocity.search.preparation.preparation import prepare
 from evocity.store import RunLog
 
@@ -88,7 +88,7 @@ def test_a_failing_operator_is_to_blame_by_name(toy, tmp_path, monkeypatch):
 
 def test_a_birth_that_is_lost_twice_is_told_as_the_second_loss():
     """Status, error and seconds are of one and the same attempt."""
-    plan = Plan(7, object(), (1,), (), np.random.default_rng(1))
+    plan = BirthPlan(7, object(), (1,), (), np.random.default_rng(1))
     died = Outcome("died", "the worker ended with exit code 3", 0.25)
     late = Outcome("timeout", "no result after 3 s", 3.0)
 

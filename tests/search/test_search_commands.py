@@ -10,7 +10,7 @@ from test_search_run import rows, run, started
 
 from evocity.errors import RunError
 from evocity.search import Search, archive, read_recipe
-from evocity.search.breeding.plans import Picks
+from evocity.search.breeding.birth_plans import Picks
 from evocity.search.record import commands
 from evocity.search.record.commands import (
     Pick,

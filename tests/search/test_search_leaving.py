@@ -21,8 +21,8 @@ from evocity.errors import RecipeError, RunError
 from evocity.evaluation.evaluator import Evaluator
 from evocity.recipe.mixture import Drawn
 from evocity.search import Search, read_recipe
+from evocity.search.breeding.birth_plans import BirthPlan, birth_generator
 from evocity.search.breeding.omitted_genomes import OmittedGenomes, describe_rebreeding
-from evocity.search.breeding.plans import Plan, birth_generator
 from evocity.search.record.commands import send
 from evocity.store import MOST_BREEDINGS, Birth, Member, Reconstruction, generator_at, state_of
 from evocity.store import RunLog as open_without
@@ -173,7 +173,7 @@ def test_births_that_are_measured_elsewhere_are_left_out_too(toy, tmp_path):
 @pytest.mark.parametrize("name", operators.OPERATORS)
 def test_every_operator_of_evocity_is_nothing_but_its_parameters(name):
     operator = operators.make(name)
-    again = describe_rebreeding(Plan(9, operator, (1, 2), (), birth_generator(0, 1, 1)))
+    again = describe_rebreeding(BirthPlan(9, operator, (1, 2), (), birth_generator(0, 1, 1)))
     made = operators.make(name, **json.loads(again.settings))
     assert json.dumps(vars(made)) == json.dumps(vars(operator))
 
@@ -191,7 +191,7 @@ class Numbered:
 
 @pytest.mark.parametrize("operator", [None, Numbered(), Drawn("x", (1, 1), {"a": {1}}, {})])
 def test_what_its_parameters_do_not_tell_is_kept(operator):
-    assert describe_rebreeding(Plan(9, operator, (), (), birth_generator(0, 1, 1))) is None
+    assert describe_rebreeding(BirthPlan(9, operator, (), (), birth_generator(0, 1, 1))) is None
 
 
 @given(st.integers(0, 2**63), st.lists(st.sampled_from(["u", "n", "i"]), max_size=5))

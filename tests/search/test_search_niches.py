@@ -12,8 +12,8 @@ from evocity.citymap import CityMap
 from evocity.errors import RecipeError
 from evocity.fitness import Constraint, smallest_share
 from evocity.operators.plan_crossing import PlanCrossing
+from evocity.search.breeding.birth_plans import choose_mates
 from evocity.search.breeding.island import plan_name
-from evocity.search.breeding.plans import choose_mates
 from evocity.search.calibration.guard import calibrate_bound, parents_target
 from evocity.search.preparation.constraints import ParentConstraint, describe_unkept
 from evocity.selection.algorithms import algorithms

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from evocity import Recipe, operators
 from evocity.operators import OPERATORS
 from evocity.recipe.mixture import operator_of
-from evocity.search.breeding.plans import Guidance, birth_generator, child_plans
+from evocity.search.breeding.birth_plans import Guidance, birth_generator, child_plans
 from evocity.selection.algorithms.algorithm import tournament
 
 

@@ -14,7 +14,7 @@ from evocity.operators import OPERATORS
 from evocity.operators.parameters import number_of, wrong_types
 from evocity.recipe.mixture import Drawn, Range
 from evocity.search import Search, read_recipe
-from evocity.search.breeding.plans import founder_plans
+from evocity.search.breeding.birth_plans import founder_plans
 from evocity.store import RunLog
 
 RANGES = "fill = { from = 0.2, to = 0.6 }, size_max = { from = 3, to = 5 }"

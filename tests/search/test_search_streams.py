@@ -13,8 +13,8 @@ from evocity import fitness
 from evocity.evaluation import Here, Workers, linux_processes, worker_seat
 from evocity.evaluation.evaluator import Outcome, Setup
 from evocity.kinds import KINDS
+from evocity.search.breeding.birth_plans import BirthPlan
 from evocity.search.breeding.births import stream_offspring
-from evocity.search.breeding.plans import Plan
 
 MEASURE = """
 import time
@@ -184,7 +184,7 @@ def test_time_in_which_all_stand_still_counts_for_no_deadline(engine, genome, wh
 
 def test_lost_children_are_bred_again_while_others_are_at_work(genome):
     pool, operator = Losing(), SimpleNamespace(name="some")
-    plans = [Plan(n, operator, (0,), (genome,), n) for n in range(7)]
+    plans = [BirthPlan(n, operator, (0,), (genome,), n) for n in range(7)]
     found = sorted(stream_offspring(pool, iter(plans)), key=lambda one: one.plan.id)
     assert [one.plan.id for one in found] == list(range(7))
     assert [one.evaluation.status for one in found] == [

@@ -15,8 +15,8 @@ from evocity.errors import RecipeError, RunError
 from evocity.evaluation import Here
 from evocity.search import Search, read_recipe
 from evocity.search.breeding.archipelago import Archipelago
+from evocity.search.breeding.birth_plans import UNGUIDED
 from evocity.search.breeding.births import stream_offspring
-from evocity.search.breeding.plans import UNGUIDED
 from evocity.search.preparation.preparation import prepare
 from evocity.search.preparation.startup import Crew, start_engine
 from evocity.search.resume.logged_plans import plan_of

@@ -71,8 +71,8 @@ DRAWN = {
     "young tree": ("tree", lambda turn: disc(2), 7.0, 1.0),
     "tree": ("tree", lambda turn: disc(3.3), 9.0, 1.0),
     "plane tree": ("tree", lambda turn: disc(4.8), 14.0, 1.0),
-    "pole": ("post", lambda turn: block(1, 1), 8.0, 1.0),
-    "lamp": ("post", lambda turn: block(0.5, 0.5), 4.0, 0.5),
+    "pole": ("post", lambda turn: block(1, 1), 8.0, 0.5),
+    "lamp": ("post", lambda turn: block(0.5, 0.5), 4.0, 0.25),
     "shed": ("shelter", lambda turn: block(4, 3.5, turn), 2.6, 1.0),
     "garage": ("shelter", lambda turn: block(6, 3, turn), 2.8, 0.5),
     "house": ("building", lambda turn: block(10, 9, turn), 7.0, 2.0),
@@ -83,7 +83,7 @@ DRAWN = {
 }
 
 
-SHOWN = [(name, p) for name, one in DRAWN.items() for p in (0.5, 1.0, 2.0) if p <= one[3]]
+SHOWN = [(name, p) for name, one in DRAWN.items() for p in (0.25, 0.5, 1.0, 2.0) if p <= one[3]]
 
 
 @pytest.mark.parametrize(("name", "pixel"), SHOWN)
@@ -94,6 +94,18 @@ def test_a_drawn_object_comes_out_as_itself(name, pixel):
         assert only(city) == expected, turn
 
 
+@pytest.mark.parametrize("height", [3.0, 13.0, 40.0])
+@pytest.mark.parametrize("pixel", [0.5, 1.0, 2.0])
+def test_fewer_than_two_by_two_pixels_are_no_class_of_their_own(height, pixel):
+    heights = np.zeros((40, 40))
+    heights[5, 5], heights[10, 10:12], heights[20:22, 20], heights[21, 21] = [height] * 4
+    heights[30:32, 30:32] = height
+    classes = CityMap(heights, pixel).classes
+    assert set(classes.classes[:3].tolist()) == {classes.names.index("building")}
+    square = classes.table.classified(features(CityMap(heights, pixel).buildings))[3]
+    assert classes.classes[3] == square
+
+
 @pytest.mark.parametrize("iso", range(8))
 def test_turning_and_mirroring_changes_no_class(iso):
     shapes = [
@@ -101,7 +113,7 @@ def test_turning_and_mirroring_changes_no_class(iso):
         for k, (_, shape, h, _) in enumerate(DRAWN.values())
     ]
     moved = [(shapely.affinity.translate(one, -140, -140), height) for one, height in shapes]
-    city = laid(*moved, side=360)
+    city = laid(*moved, side=360, pixel=0.5)
     turned = city.replace(isometries.apply(iso, city.heights))
     assert turned.classes.counts == city.classes.counts
     assert sum(bool(count) for count in city.classes.counts.values()) == len(SEVEN)

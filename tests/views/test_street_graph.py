@@ -128,6 +128,11 @@ def check(city: CityMap, graph) -> None:
     edges = np.array(graph.edges, dtype=object)
     for name in ("ends", "length", "width", "least", "street", "kind", "leaves", "place"):
         assert len(getattr(graph, name)) == count
+    assert (graph.low <= graph.width).all()
+    assert (graph.width <= graph.high).all()
+    assert (graph.measured >= 0).all()
+    unseen = graph.measured == 0
+    assert (graph.width[unseen] == graph.clear[unseen]).all()
     assert (graph.degree == np.bincount(graph.ends.ravel(), minlength=len(graph.nodes))).all()
     left, top = city.north_west
     height, width = (side * city.metres_per_pixel for side in city.shape)
@@ -192,7 +197,8 @@ def test_streets_of_a_closed_city_run_along_its_wall():
     assert sorted(graph.degree.tolist()) == [3] * 8 + [4] * 4
     assert len(graph) == 20
     assert graph.cycles == 9
-    assert graph.width == pytest.approx(16)
+    assert graph.width == pytest.approx(16, rel=1e-4)
+    assert graph.clear == pytest.approx(16)
     assert graph.least == pytest.approx(16)
     assert len(np.unique(graph.quarters)) == 9
     assert set(graph.kind.tolist()) == {"street"}

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator
 from math import gcd
 from pathlib import Path
 
-from evocity.errors import EvocityError, reason_of, setting
+from evocity.errors import EvocityError, keyword, reason_of, setting
 from evocity.files import whole_file
 
 # Suffixes of files of three dimensions, which only `evocity scene` writes.
@@ -39,6 +39,22 @@ def check_output(path: Path, source: str, suffixes: Collection[str] = ()) -> Non
                 "an output file that the command does not read",
                 "choose another name after -o",
             )
+
+
+def check_crs(crs: str | None, path: Path, suffixes: Collection[str]) -> None:
+    """Raise `EvocityError` for a reference system ``crs`` if ``path`` has none of the ``suffixes``
+    of files with coordinates, or if PROJ does not know it."""
+    if crs is None:
+        return
+    if not path.name.lower().endswith(tuple(suffixes)):
+        raise EvocityError(
+            f"{path.name}: a {path.suffix} file has no coordinates for {setting('crs', crs)}",
+            f"a file with the suffix {', '.join(suffixes)}",
+            f"choose another suffix, or leave {keyword('crs')} out",
+        )
+    from evocity.io.export.reference_systems import parse_requested
+
+    parse_requested(crs)
 
 
 def check_needs(name: str, needed: str, missing: bool) -> None:

@@ -128,7 +128,7 @@ MAP_OPTIONS = {
     ),
     "metres_per_pixel": option(
         "--metres-per-pixel",
-        "Side of a pixel, in metres. [2.0 for footprints, a GeoTIFF's own; PNG and NPY need it]",
+        "Side of a pixel, in metres. [2.0 for footprints, a raster's own; PNG and NPY need it]",
         float,
     ),
     "center": option(
@@ -148,9 +148,8 @@ MAP_OPTIONS = {
     ),
     "height_scale": option(
         "--height-scale",
-        "Height in metres of one grey level in a picture, or of one unit in a raster. [1 for "
-        "GeoTIFF and NPY; "
-        "PNG needs it]",
+        "Height in metres of one grey level in a picture, or of one unit in a raster. [1; PNG "
+        "needs it]",
         float,
     ),
     "height_column": option(
@@ -278,6 +277,11 @@ _PLACE = "[the common place of all source cities, else no coordinates on Earth]"
 at_option = option(
     "--at CITY",
     f"Source city of the run; the output gets the coordinates of this city on Earth. {_PLACE}",
+)
+
+crs_option = option(
+    "--crs CODE",
+    "Reference system of the coordinates in the output, such as EPSG:2154. [the map's own]",
 )
 
 _INDIVIDUAL = "Number of an individual in a run folder, as shown in the report"

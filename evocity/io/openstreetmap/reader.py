@@ -17,6 +17,7 @@ from xml.parsers.expat import ExpatError
 import osmium
 
 from evocity.errors import MapError
+from evocity.io.archives import DENSEST, LEAST
 from evocity.io.heights import is_building
 from evocity.io.openstreetmap.areas import assemble_areas
 from evocity.io.openstreetmap.elements import Extract, Place
@@ -24,9 +25,6 @@ from evocity.io.openstreetmap.overpass import read_xml_elements
 from evocity.io.reader_types import Footprints, Request
 
 _FORMATS = ("pbf", "osm.gz", "osm.bz2", "osm")
-
-# A packed file may grow by this factor, and always up to so many bytes.
-_DENSEST, _LEAST_BOMB = 100, 1 << 26
 
 # libosmium's x of a node without a place, as in a deletion
 _NOWHERE = 2**31 - 1
@@ -79,7 +77,7 @@ def _open(path: Path, packing: str) -> IO[bytes]:
 def _scan_xml(path: Path, packing: str) -> bool:
     """Tell whether XML marks elements as deleted. Raises ValueError for a decompression bomb (XML
     of OpenStreetMap packs to a tenth), and for an answer that Overpass cut off."""
-    most, size = max(_LEAST_BOMB, _DENSEST * path.stat().st_size), 0
+    most, size = max(LEAST, DENSEST * path.stat().st_size), 0
     edited, rest = False, b""
     with _open(path, packing) as file:
         while content := file.read(1 << 20):

@@ -21,8 +21,8 @@ from rasterio.windows import Window
 
 from evocity.errors import MapError, keyword
 from evocity.io.geotiff_seal import check_seal
-from evocity.io.projection import flat
-from evocity.io.rasters.sidecars import BandNotes, read_mask, read_notes
+from evocity.io.projection import flat, identify
+from evocity.io.rasters.sidecars import BandNotes, read_mask, read_notes, read_world_file
 from evocity.io.rasters.values import RasterValues, is_value
 from evocity.io.reader_types import Grid, Request, check_size
 from evocity.io.resampling import compose
@@ -79,8 +79,10 @@ def read_geotiff(path: Path, request: Request) -> Grid:
             declared = source.descriptions[band - 1] == HEIGHTS_TITLE
             side = _number(tags.get(PIXEL_TAG))
             if crs is not None:
-                _check_transform(path, transform)
-                crs, transform, side = _placed(flat(crs), transform, side)
+                if transform == Affine.identity():
+                    transform = notes.transform or read_world_file(path) or transform
+                _check_transform(path, transform, crs)
+                crs, transform, side = _placed(identify(flat(crs)), transform, side)
     except (RasterioError, CPLE_BaseError, OSError, ValueError, ProjError) as error:
         raise MapError(
             f"{path.name} cannot be read as GeoTIFF: {error.__cause__ or error}",
@@ -162,8 +164,14 @@ def _values(
     return values
 
 
-def _check_transform(path: Path, transform: Affine) -> None:
-    """Raise unless the transform gives pixels a finite place and size."""
+def _check_transform(path: Path, transform: Affine, crs: CRS) -> None:
+    """Raise unless the transform gives pixels a finite place and size in ``crs``."""
+    if transform == Affine.identity() and not crs.is_engineering:
+        raise MapError(
+            f"{path.name} has the reference system {crs.name[:80]}, but no place in it",
+            "a GeoTIFF with a geotransform, or a file .aux.xml or .tfw of the same name beside it",
+            "copy the files beside the raster too, or write the place with gdal_edit -a_ullr",
+        )
     numbers = np.array(transform[:6], float)
     with np.errstate(all="ignore"):
         steps = np.hypot(numbers[[0, 1]], numbers[[3, 4]])

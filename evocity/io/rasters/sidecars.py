@@ -1,4 +1,5 @@
-"""Files beside a raster: ``.aux.xml`` (nodata, scale, offset, unit, CRS), ``.msk``, ``.prj``.
+"""Files beside a raster: ``.aux.xml`` (nodata, scale, offset, unit, place), ``.tfw``, ``.msk``,
+``.prj``.
 
 evocity reads these files itself, and GDAL sees only their bytes: so no such file can name another.
 A link, a file that is not a regular file, and a file beyond the limit of size are refused.
@@ -12,28 +13,34 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
+from affine import Affine
 from pyproj import CRS
 from pyproj.exceptions import ProjError
 from rasterio.errors import RasterioError
 from rasterio.io import MemoryFile
 
 from evocity.errors import MapError, format_bytes, reason_of
+from evocity.io.projection import identify
 
 # Largest sizes, bytes: texts, and masks.
 _MOST_TEXT, _MOST_MASK = 16 << 20, 256 << 20
+# Suffixes of world files; users of Windows write them in capitals.
+WORLD_FILES = (".tfw", ".TFW", ".tifw", ".tiffw", ".wld")
 # The first words of WKT; PROJ could take other text for the name of a file.
 _WKT = ("GEOGC", "PROJC", "PROJCS", "LOCAL_CS", "COMPD_CS", "COMPOUNDCRS", "ENGCRS", "BOUNDCRS")
 
 
 @dataclass(frozen=True)
 class BandNotes:
-    """Notes of ``.aux.xml`` about one band; None where it has no note."""
+    """Notes of ``.aux.xml`` about one band, and about the place of the raster; None where it has
+    no note."""
 
     nodata: float | None = None
     scale: float | None = None
     offset: float | None = None
     unit: str | None = None
     crs: CRS | None = None
+    transform: Affine | None = None
 
 
 def read_notes(path: Path, band: int) -> BandNotes:
@@ -59,9 +66,27 @@ def read_notes(path: Path, band: int) -> BandNotes:
             offset=_number_in(found, "Offset"),
             unit=(found.findtext("UnitType") or "").strip() or None,
             crs=_crs_in(crs) if crs else None,
+            transform=_transform_in(root.findtext("GeoTransform") or ""),
         )
     except (ValueError, ElementTree.ParseError, ProjError, RecursionError) as error:
         raise _unreadable(place, "XML as GDAL writes it", error) from error
+
+
+def read_world_file(path: Path) -> Affine | None:
+    """Read the transform in the world file of the raster ``path``, six numbers; None without this
+    file. Raises `MapError` for a file that cannot be read."""
+    for suffix in WORLD_FILES:
+        place = path.with_suffix(suffix)
+        data = _read_beside(place, _MOST_TEXT)
+        if data is None:
+            continue
+        try:
+            a, d, b, e, c, f = map(float, data.decode("utf-8-sig").replace(",", ".").split())
+            # the last two numbers place the centre of the first pixel
+            return Affine(a, b, c - (a + b) / 2, d, e, f - (d + e) / 2)
+        except (ValueError, OverflowError) as error:
+            raise _unreadable(place, "a world file of six numbers", error) from error
+    return None
 
 
 def read_mask(path: Path, shape: tuple[int, int]) -> np.ndarray | None:
@@ -129,10 +154,19 @@ def _number_in(element: ElementTree.Element, name: str, finite: bool = True) -> 
     return number
 
 
+def _transform_in(text: str) -> Affine | None:
+    if not text.strip():
+        return None
+    numbers = [float(number) for number in text.split(",")]
+    if len(numbers) != 6:
+        raise ValueError(f"GeoTransform has {len(numbers)} numbers")
+    return Affine.from_gdal(*numbers)
+
+
 def _crs_in(text: str) -> CRS:
     if not text.upper().startswith(_WKT):
         raise ValueError("its reference system is not WKT")
-    return CRS.from_wkt(text)
+    return identify(CRS.from_wkt(text))
 
 
 def _unreadable(place: Path, expected: str, error: Exception) -> MapError:

@@ -51,6 +51,7 @@ def above_ground(
             notes.append(f"{lacking} pixels without a terrain are ground")
     elif terrain:
         heights = heights - np.float32(terrain)
+        _check_less(heights, f"{name} less {terrain:g} m", is_flat=True)
         notes.append(f"heights less {terrain:g} m")
     if terrain is None and not grid.above_ground:
         _check_ground(heights, name)
@@ -130,28 +131,36 @@ def _subtract(grid: Grid, ground: Grid, name: str, title: str) -> tuple[np.ndarr
             "give a terrain of a larger extent; fill gaps under buildings, for example with "
             "gdal_fillnodata",
         )
+    _check_less(heights, f"{name} less the terrain {title}")
+    return heights, lacking
+
+
+def _check_less(heights: np.ndarray, title: str, is_flat: bool = False) -> None:
+    """Raise `MapError` unless the ``heights`` of ``title``, less a terrain, are above ground."""
     low, high = HEIGHTS
     with np.errstate(invalid="ignore"):
         beyond = int(((heights < low) | (heights > high)).sum())
         deep, tall = (int((sign * heights > _BELOW).sum()) for sign in (-1, 1))
     if beyond:
+        same = "give both rasters in the same unit and vertical datum"
+        flat = "give the elevation of the ground in the unit and vertical datum of the raster"
         raise MapError(
-            f"{name} less the terrain {title} reaches from {np.nanmin(heights):.4g} to "
-            f"{np.nanmax(heights):.4g} m",
+            f"{title} reaches from {np.nanmin(heights):.4g} to {np.nanmax(heights):.4g} m",
             f"heights from {low:g} to {high:g} m",
-            "give both rasters in the same unit and vertical datum, or use "
-            f"{keyword('nodata')} for the value of missing pixels",
+            f"{flat if is_flat else same}, or use {keyword('nodata')} for the value of missing "
+            "pixels",
         )
     share = _ground_share(heights)
-    if share < _LEAST_GROUND or deep > tall:
+    rises = share < _LEAST_GROUND and not (is_flat and _is_buildings_only(heights))
+    if rises or deep > tall:
+        same = "check that the two files are not exchanged, and that both have the same datum"
+        flat = "give another elevation; if the ground is not flat, give a raster of the ground"
         raise MapError(
-            f"{name} less the terrain {title} does not give heights above ground: "
-            f"{100 * share:.2g} % of it lies within {_GROUND:g} m of 0, and {deep} pixels lie more "
-            f"than {_BELOW:g} m below the terrain",
+            f"{title} does not give heights above ground: {100 * share:.2g} % of it lies within "
+            f"{_GROUND:g} m of 0, and {deep} pixels lie more than {_BELOW:g} m below the terrain",
             "a terrain of the same place, unit and vertical datum",
-            "check that the two files are not exchanged, and that both have the same datum",
+            flat if is_flat else same,
         )
-    return heights, lacking
 
 
 def _terrain_on(grid: Grid, ground: Grid, name: str, title: str) -> np.ndarray:

@@ -2,19 +2,24 @@
 
 A building's footprint is, in this order: its surfaces that say ``GroundSurface``; its LoD 0
 geometry; all faces of its lowest level of detail, seen from above. Each part of a building counts
-as a building and inherits the attributes, but no heights. A part that stands on another part has
-the height of its top above the foot of the lower part.
+as a building and inherits the attributes; a part with a height or a solid of its own inherits no
+heights. A building gives way to its parts where they lie, if they have more detail. A part that
+stands on other parts has the height of its top above their foot.
 """
 
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import shapely
 
-from evocity.io.account import NO_POLYGON, REPLACED, Account
-from evocity.io.surfaces import shadow
+from evocity.io.account import LOST_RINGS, NO_POLYGON, REPLACED, Account
+from evocity.io.building_feet import find_feet
+from evocity.io.building_rest import rest_of
+from evocity.io.heights import inherit, metres
+from evocity.io.surfaces import WALL, shadow, sound_rings
 from evocity.io.xml.gml_geometry import POLYGONS, rings_of
 from evocity.io.xml.stream import Element, local_name
 
@@ -28,9 +33,8 @@ _ASIDE = frozenset(
         "roomInstallation", "buildingSubdivision", "Appearance",
     }
 )  # fmt: skip
-_HEIGHTS = ("measuredHeight", "storeysAboveGround")
-# Attributes of a building, at most.
-_MOST = 100
+# Attributes of a building, at most; heights that differ by less are equal, metres.
+_MOST, _STEP = 100, 0.5
 
 
 @dataclass
@@ -40,13 +44,16 @@ class _Face:
     rings: list[np.ndarray]
 
 
-@dataclass
+@dataclass(eq=False)
 class _Body:
-    """A building, or a part of one: its faces, attributes and parts."""
+    """A building, or a part of one: its faces, attributes and parts, the number of ``lost_rings``,
+    and the bodies ``above`` it, of which it is a part, the nearest first."""
 
     faces: list[_Face] = field(default_factory=list)
     attributes: dict[str, object] = field(default_factory=dict)
     parts: list[Element] = field(default_factory=list)
+    above: list["_Body"] = field(default_factory=list)
+    lost_rings: int = 0
 
     def footprint(self, wall: float) -> shapely.Geometry | None:
         """The area of the body on the ground; faces of at most ``wall`` are walls."""
@@ -60,12 +67,17 @@ class _Body:
             chosen = feet or chosen
         return shadow((face.rings for face in chosen), wall)
 
+    @cached_property
+    def lod(self) -> int:
+        """The finest level of detail."""
+        return max((face.lod for face in self.faces), default=0)
+
     @property
     def is_flat(self) -> bool:
         """Whether the body has only LoD 0 geometry."""
-        return all(face.lod == 0 for face in self.faces)
+        return self.lod == 0
 
-    @property
+    @cached_property
     def span(self) -> tuple[float, float]:
         """The lowest and highest z; (0, 0) for a flat body."""
         z = [ring[:, 2] for face in self.faces if face.lod for ring in face.rings]
@@ -73,19 +85,23 @@ class _Body:
 
 
 def read_building(
-    building: Element, vertical: float, wall: float, account: Account
+    building: Element, vertical: float, unit: float, account: Account
 ) -> Iterator[tuple[shapely.Geometry, dict[str, object]]]:
     """Yield the footprints of a building and of its parts, each with its attributes, and
     ``solid_height`` in metres.
 
     vertical : metres in a unit of height.
-    wall : greatest area of a wall, in the square of the coordinates' unit.
+    unit : metres in a unit of the coordinates, about.
     account : the account of the file, in which the building and its parts are counted.
     """
     bodies = [_body(building)]
     for body in bodies:
         if len(bodies) < 10_000:
-            bodies += [_inherit(_body(part), body) for part in body.parts]
+            for element in body.parts:
+                part = _body(element)
+                part.above = [body, *body.above]
+                bodies.append(part)
+    wall = WALL / unit**2
     found = [(body, body.footprint(wall) if body.faces else None) for body in bodies]
     placed = [(body, area) for body, area in found if area is not None]
     account.features += len(placed)
@@ -93,36 +109,37 @@ def read_building(
         account.features += 1
         account.drop(NO_POLYGON)
         return
-    if placed[0][0] is bodies[0] and bodies[0].is_flat:
-        # the outline of the whole has no height, but its parts may have one
-        solid = [(body, area) for body, area in placed[1:] if not body.is_flat]
-        if solid:
+    account.remark(LOST_RINGS, sum(body.lost_rings for body, _ in placed))
+    finer: dict[_Body, list[shapely.Geometry]] = {}
+    for part, area in placed:
+        for body in part.above:
+            if part.lod > body.lod:
+                finer.setdefault(body, []).append(area)
+    spans = np.array([body.span for body, _ in placed]) * vertical
+    feet = find_feet(
+        [area for _, area in placed],
+        spans[:, 0],
+        spans[:, 1],
+        [any(face.kind == "GroundSurface" for face in body.faces) for body, _ in placed],
+        unit,
+    )
+    for (body, area), (low, high), foot in zip(placed, spans.tolist(), feet.tolist(), strict=True):
+        parts = finer.get(body)
+        rest = rest_of(area, np.array(parts, dtype=object), np.full(2, unit)) if parts else area
+        if rest is None:
             account.drop(REPLACED)
-            placed = placed[1:]
-    for body, area in placed:
-        low, high = body.span
-        foot = min(
-            (other.span[0] for other, there in placed if _stands_on(body, area, other, there)),
-            default=low,
-        )
-        yield area, {"solid_height": (high - min(foot, low)) * vertical} | body.attributes
+            continue
+        own = body.attributes
+        if foot < low - _STEP and _repeats_extent(own, high - low, vertical):
+            own = {name: value for name, value in own.items() if name != "measuredHeight"}
+        own = {"solid_height": high - foot if high > low else 0.0} | own
+        yield rest, inherit(own, (other.attributes for other in body.above))
 
 
-def _stands_on(body: _Body, area: shapely.Geometry, other: _Body, there: shapely.Geometry) -> bool:
-    """Whether a body stands on another: over its area, and not below its foot."""
-    if body is other or body.is_flat or other.is_flat or body.span[0] <= other.span[0]:
-        return False
-    return bool(shapely.area(shapely.intersection(area, there)) > area.area / 2)
-
-
-def _inherit(part: _Body, whole: _Body) -> _Body:
-    inherited = {
-        name: value
-        for name, value in whole.attributes.items()
-        if name not in _HEIGHTS or part.is_flat
-    }
-    part.attributes = inherited | part.attributes
-    return part
+def _repeats_extent(attributes: dict[str, object], extent: float, vertical: float) -> bool:
+    """Whether the measured height of a part is that of its own solid, metres."""
+    measured = metres(attributes.get("measuredHeight"), vertical)
+    return measured is not None and abs(measured - extent) < _STEP
 
 
 def _body(building: Element) -> _Body:
@@ -138,7 +155,8 @@ def _body(building: Element) -> _Body:
         if name in _ASIDE:
             continue
         if name in POLYGONS:
-            rings = [ring for ring in rings_of(element, 3) if len(ring) > 2]
+            rings, lost = sound_rings(rings_of(element, (3,)))
+            body.lost_rings += lost
             if rings:
                 body.faces.append(_Face(max(lod, 0), kind, rings))
             continue

@@ -4,19 +4,21 @@ References to other files (``xlink:href``, schemas) are not followed.
 """
 
 from collections import defaultdict
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import shapely
 
 from evocity.errors import MapError
-from evocity.io.account import DEGENERATE, NO_POLYGON, Account
+from evocity.io.account import DEGENERATE, LOST_RINGS, NO_POLYGON, Account
+from evocity.io.building_rest import DEGREE
 from evocity.io.heights import check_columns, has_building_fields, is_building_name
 from evocity.io.layer_choice import choose_layer
 from evocity.io.projection import plane
 from evocity.io.reader_types import Footprints, Request
-from evocity.io.surfaces import WALL
+from evocity.io.surfaces import WALL, sound_rings
 from evocity.io.xml.citygml import read_building, with_unit
 from evocity.io.xml.gml_geometry import (
     POLYGONS,
@@ -24,13 +26,13 @@ from evocity.io.xml.gml_geometry import (
     is_northing_first,
     parse_srs_name,
     rings_of,
+    stated_sizes,
 )
 from evocity.io.xml.stream import Element, elements, local_name, xml_errors
 
 _MEMBERS = ("member", "featureMember", "cityObjectMember", "featureMembers", "members")
 _BUILDINGS = ("Building", "BuildingPart")
-# Square metres in a square degree.
-_DEGREE = 1.2e10
+_BOUNDS = ("Envelope", "Box")
 
 
 @dataclass
@@ -48,6 +50,7 @@ class _Document:
     is_city: bool = False
     srs: str | None = None
     named: NamedCRS | None = None
+    is_of_bounds: bool = False  # whether only elements for bounds name it
     dimension: int | None = None
     layers: dict[str, _Layer] = field(default_factory=lambda: defaultdict(_Layer))
 
@@ -56,24 +59,47 @@ class _Document:
         return self.named.vertical if self.named else 1.0
 
     @property
-    def wall(self) -> float:
-        """The area of a wall, in the unit of the coordinates."""
-        geographic = self.named is not None and self.named.crs.is_geographic
-        return WALL / _DEGREE if geographic else WALL
+    def unit(self) -> float:
+        """Metres in a unit of the coordinates, about."""
+        if self.named is None or not self.named.crs.axis_info:
+            return 1.0
+        if self.named.crs.is_geographic:
+            return DEGREE
+        return float(self.named.crs.axis_info[0].unit_conversion_factor)
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Numbers of coordinates that a point may have, the likeliest first."""
+        if self.dimension is not None:
+            return (self.dimension,)
+        return (3, 2) if self.named is not None and self.named.axes == 3 else (2, 3)
 
     def note_system(self, element: Element) -> None:
-        """Keep the reference system that an element names; raises ValueError for a second one."""
+        """Keep the reference system that an element names; raises ValueError for a second one. The
+        order of axes that a geometry names comes before that of bounds."""
         text = element.get("srsName")
         if self.dimension is None and local_name(element) == "Envelope":
             stated = element.get("srsDimension", "")
             self.dimension = int(stated) if stated in ("2", "3") else None
-        if text is None or text == self.srs:
+        if text is None:
+            return
+        if text == self.srs:
+            self.is_of_bounds &= local_name(element) in _BOUNDS
             return
         named = parse_srs_name(text, self.path.name)
+        is_of_bounds = local_name(element) in _BOUNDS
         if self.named is None:
-            self.srs, self.named = text, named
-        elif named.crs != self.named.crs:
+            self.srs, self.named, self.is_of_bounds = text, named, is_of_bounds
+            return
+        if named.crs != self.named.crs:
             raise ValueError(f"two reference systems, {self.srs!r} and {text[:80]!r}")
+        if is_of_bounds:
+            return
+        if self.is_of_bounds:
+            self.srs, self.is_of_bounds = text, False
+            self.named = replace(self.named, northing_first=named.northing_first)
+        elif named.northing_first != self.named.northing_first:
+            raise ValueError(f"two orders of axes, of {self.srs!r} and {text[:80]!r}")
 
 
 def read_gml(path: Path, request: Request) -> Footprints:
@@ -128,33 +154,38 @@ def _take_feature(document: _Document, feature: Element) -> None:
         if name in _BUILDINGS:
             layer = document.layers["Building"]
             for polygon, own in read_building(
-                feature, document.vertical, document.wall, layer.account
+                feature, document.vertical, document.unit, layer.account
             ):
                 layer.polygons.append(polygon)
                 layer.tags.append(own)
         return
     layer = document.layers[name]
     layer.account.features += 1
-    parts, tags = _polygons(feature, document.dimension or 2), _attributes(feature)
-    if not parts:
-        layer.account.drop(NO_POLYGON)
-        return
-    kept = [part for part in parts if part.area > document.wall]
+    parts, lost = _polygons(feature, document.sizes)
+    kept = [part for part in parts if part.area > WALL / document.unit**2]
     if not kept:
-        layer.account.drop(DEGENERATE)
+        layer.account.drop(DEGENERATE if parts or lost else NO_POLYGON)
         return
+    layer.account.remark(LOST_RINGS, lost)
     layer.polygons.append(shapely.MultiPolygon(kept) if len(kept) > 1 else kept[0])
-    layer.tags.append(tags)
+    layer.tags.append(_attributes(feature))
 
 
-def _polygons(feature: Element, dimension: int) -> list[shapely.Polygon]:
-    found = []
-    for element in feature.iter():
+def _polygons(feature: Element, sizes: Sequence[int]) -> tuple[list[shapely.Polygon], int]:
+    """Return the polygons of a feature, and the number of their degenerate rings."""
+    found, lost = [], 0
+    waiting = [(feature, sizes)]
+    while waiting:
+        element, usual = waiting.pop()
+        if element.get("srsDimension") in ("2", "3"):
+            usual = stated_sizes(element, usual)
         if local_name(element) in POLYGONS:
-            rings = [ring[:, :2] for ring in rings_of(element, dimension) if len(ring) > 3]
+            rings, degenerate = sound_rings([ring[:, :2] for ring in rings_of(element, usual)])
+            lost += degenerate
             if rings:
                 found.append(shapely.Polygon(rings[0], rings[1:]))
-    return found
+        waiting += [(child, usual) for child in reversed(element)]
+    return found, lost
 
 
 def _attributes(feature: Element) -> dict[str, str]:

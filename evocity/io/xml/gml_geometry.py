@@ -3,14 +3,14 @@
 import contextlib
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from pyproj import CRS
 from pyproj.exceptions import ProjError
 
-from evocity.io.projection import WGS84, flat, parse_crs, transform_points
+from evocity.io.projection import WGS84, flat, parse_crs, transform_points, vertical_unit
 from evocity.io.xml.stream import Element, local_name
 
 _OUTER = ("exterior", "outerBoundaryIs")
@@ -37,11 +37,13 @@ class NamedCRS:
     crs : horizontal system.
     northing_first : whether its name says that the first coordinate is the one to the north.
     vertical : metres in a unit of the third coordinate.
+    axes : number of axes of the whole system, 2 or 3.
     """
 
     crs: CRS
     northing_first: bool
     vertical: float
+    axes: int = 2
 
 
 def parse_srs_name(text: str, where: str) -> NamedCRS:
@@ -60,7 +62,7 @@ def parse_srs_name(text: str, where: str) -> NamedCRS:
     elif re.search(r"(?:OGC|CRS)[:/][\w.]*[:/]?(?:CRS)?84$", text, re.I):
         return NamedCRS(WGS84, False, 1.0)
     elif text.startswith("urn:"):
-        codes = re.findall(r"crs:EPSG:[\w.]*:(\d+)", text)
+        codes = re.findall(r"crs:EPSG:(?:[\w.]*:)?(\d+)", text)
     elif text.startswith("http"):
         codes = re.findall(r"/EPSG/[\w.]+/(\d+)", text)
     name = f"EPSG:{codes[0]}" if codes else text
@@ -68,15 +70,12 @@ def parse_srs_name(text: str, where: str) -> NamedCRS:
     whole = CRS.from_user_input(name)
     crs = flat(whole)
     first = crs.axis_info[0].direction.lower() if crs.axis_info else ""
-    # a height without a unit of its own is in the unit of a projected system
-    unit = crs.axis_info[0].unit_conversion_factor if crs.is_projected else 1.0
-    axes = whole.axis_info
-    if len(axes) > 2:
-        unit = axes[2].unit_conversion_factor
+    unit = vertical_unit(whole)
     if len(codes) > 1:
-        with contextlib.suppress(ProjError, IndexError):  # metres, unless PROJ says otherwise
-            unit = CRS.from_user_input(f"EPSG:{codes[1]}").axis_info[0].unit_conversion_factor
-    return NamedCRS(crs, formal and first in ("north", "south"), float(unit))
+        with contextlib.suppress(ProjError):  # the first system's unit, unless PROJ says otherwise
+            unit = vertical_unit(CRS.from_user_input(f"EPSG:{codes[1]}"))
+    axes = 3 if len(whole.axis_info) > 2 or len(codes) > 1 else 2
+    return NamedCRS(crs, formal and first in ("north", "south"), unit, axes)
 
 
 def is_northing_first(named: NamedCRS, x: float, y: float) -> bool:
@@ -103,33 +102,72 @@ def _is_used_at(crs: CRS, x: float, y: float) -> bool:
     return near and area.south - 1 <= lat <= area.north + 1
 
 
-def rings_of(polygon: Element, dimension: int) -> list[np.ndarray]:
-    """Return the rings of a polygon, the outer one first, each float ``(n, 3)``."""
+def rings_of(polygon: Element, sizes: Sequence[int]) -> list[np.ndarray]:
+    """Return the rings of a polygon, the outer one first, each float ``(n, 3)``.
+
+    sizes : numbers of coordinates that a point may have where no element states them, the likeliest
+        first.
+    """
+    sizes = stated_sizes(polygon, sizes)
+    return gather_rings(polygon, lambda boundary: _positions(boundary, sizes))
+
+
+def gather_rings(
+    polygon: Element, points_of: Callable[[Element], Iterable[np.ndarray]]
+) -> list[np.ndarray]:
+    """Return the rings of a polygon, the outer one first; no rings without an outer one.
+
+    points_of : gives the points of a boundary, in one array or several.
+    """
     outer: list[np.ndarray] = []
     inner: list[np.ndarray] = []
-    dimension = _dimension(polygon, dimension)
     for boundary in polygon:
         kind = local_name(boundary)
         if kind in _OUTER or kind in _INNER:
-            parts = list(_positions(boundary, dimension))
+            parts = list(points_of(boundary))
             if parts:
                 (outer if kind in _OUTER else inner).append(np.concatenate(parts))
     return outer[:1] + inner if outer else []
 
 
-def _positions(boundary: Element, dimension: int) -> Iterator[np.ndarray]:
+def stated_sizes(element: Element, usual: Sequence[int]) -> Sequence[int]:
+    """Return the number of coordinates of a point that ``element`` states, 2 or 3, as the only one;
+    ``usual`` if it states no number."""
+    stated = element.get("srsDimension") or element.get("dimension")
+    if stated is None:
+        return usual
+    if stated.strip() not in ("2", "3"):
+        raise ValueError(f"points of {stated[:20]!r} coordinates")
+    return (int(stated),)
+
+
+def _positions(boundary: Element, sizes: Sequence[int]) -> Iterator[np.ndarray]:
+    lists = []
     for element in boundary.iter():
         kind = local_name(element)
         if kind in ("posList", "pos"):
-            size = _dimension(element, dimension)
             values = np.array((element.text or "").split(), dtype=np.float64)
-            if kind == "pos" and len(values) in (2, 3):
-                size = len(values)
-            if len(values) % size:
-                raise ValueError(f"{len(values)} numbers for points of {size}")
-            yield _checked(values.reshape(-1, size))
+            is_point = kind == "pos" and len(values) in (2, 3)
+            own = (len(values),) if is_point else stated_sizes(element, sizes)
+            lists.append((values, own))
         elif kind == "coordinates":
-            yield _checked(_old_coordinates(element))
+            lists.append((_old_coordinates(element).ravel(), (3,)))
+    size = _size([values for values, own in lists if own is sizes], sizes)
+    for values, own in lists:
+        width = size if own is sizes else own[0]
+        if len(values) % width:
+            raise ValueError(f"{len(values)} numbers for points of {width}")
+        yield _checked(values.reshape(-1, width))
+
+
+def _size(lists: Sequence[np.ndarray], sizes: Sequence[int]) -> int:
+    """Choose the number of coordinates of the points of a ring: the first of the ``sizes`` that
+    closes the ring, otherwise the first that divides its numbers, otherwise the first."""
+    whole = [size for size in sizes if all(len(values) % size == 0 for values in lists)]
+    for size in whole:
+        if lists and np.array_equal(lists[0][:size], lists[-1][-size:]):
+            return size
+    return (whole or sizes)[0]
 
 
 def _old_coordinates(element: Element) -> np.ndarray:
@@ -158,13 +196,3 @@ def _checked(points: np.ndarray) -> np.ndarray:
     if points.shape[1] == 2:
         return np.column_stack([points, np.zeros(len(points))])
     return points[:, :3]
-
-
-def _dimension(element: Element, usual: int) -> int:
-    """The number of coordinates of a point that ``element`` states, 2 or 3."""
-    stated = element.get("srsDimension") or element.get("dimension")
-    if stated is None:
-        return usual
-    if stated.strip() not in ("2", "3"):
-        raise ValueError(f"points of {stated[:20]!r} coordinates")
-    return int(stated)

@@ -6,19 +6,21 @@ altitudes say nothing about heights. Links to other files are not followed.
 
 import math
 from collections import defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import shapely
 
 from evocity.errors import MapError
-from evocity.io.account import DEGENERATE, NO_POLYGON, Account
+from evocity.io.account import DEGENERATE, LOST_RINGS, NO_POLYGON, Account
 from evocity.io.archives import open_archive, read_member
 from evocity.io.heights import check_columns, has_building_fields, is_building_name
 from evocity.io.layer_choice import choose_layer
 from evocity.io.projection import WGS84
 from evocity.io.reader_types import Footprints, Request
-from evocity.io.surfaces import shadow
+from evocity.io.surfaces import shadow, sound_rings
+from evocity.io.xml.gml_geometry import gather_rings
 from evocity.io.xml.stream import Element, elements, local_name, xml_errors
 
 # Area of a wall, square degrees: about a square centimetre.
@@ -99,31 +101,26 @@ def _take_placemark(placemark: Element, layer: str, layers: dict, accounts: dict
     if not found:
         account.drop(NO_POLYGON)
         return
-    faces, height = [], 0.0
+    faces, height, lost = [], 0.0, 0
     for polygon in found:
-        rings = _rings(polygon)
+        rings, degenerate = sound_rings(gather_rings(polygon, _boundary_points))
         faces.append(rings)
+        lost += degenerate
         if _text(polygon, "altitudeMode") in ("relativeToGround", "relativeToSeaFloor"):
             height = max([height, *(float(ring[:, 2].max()) for ring in rings if len(ring))])
     area = shadow(faces, _WALL)
     if area is None:
         account.drop(DEGENERATE)
         return
+    account.remark(LOST_RINGS, lost)
     layers[layer].append((area, {"solid_height": height} | _attributes(placemark)))
 
 
-def _rings(polygon: Element) -> list[np.ndarray]:
-    """The rings of a polygon, the outer one first, each float ``(n, 3)``."""
-    outer: list[np.ndarray] = []
-    inner: list[np.ndarray] = []
-    for boundary in polygon:
-        kind = local_name(boundary)
-        if kind not in ("outerBoundaryIs", "innerBoundaryIs"):
-            continue
-        for element in boundary.iter():
-            if local_name(element) == "coordinates":
-                (outer if kind == "outerBoundaryIs" else inner).append(_points(element.text or ""))
-    return outer[:1] + inner
+def _boundary_points(boundary: Element) -> Iterator[np.ndarray]:
+    """Yield the points of the ring of a boundary, float ``(n, 3)``."""
+    for element in boundary.iter():
+        if local_name(element) == "coordinates":
+            yield _points(element.text or "")
 
 
 def _points(text: str) -> np.ndarray:

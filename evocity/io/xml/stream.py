@@ -1,5 +1,5 @@
 """Elements of an XML file, one after the other, within bounds: no document type, so no entities and
-no references to other files; not deeper than `DEEPEST`."""
+no references to other files; not deeper than `DEEPEST`, and at most `MOST_ELEMENTS` in memory."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +14,8 @@ Element = ElementTree.Element
 
 #: Bytes of an XML file, at most, and the depth of its elements.
 MOST_BYTES, DEEPEST = 500_000_000, 200
+#: Elements in memory at a time, about.
+MOST_ELEMENTS = 3_000_000
 
 _CHUNK = 1 << 20
 
@@ -25,8 +27,9 @@ class _RootReachedError(Exception):
 def elements(path: Path) -> Iterator[tuple[str, Element, list[Element]]]:
     """Yield ``("start" or "end", element, ancestors)`` for each element of the file at ``path``.
 
-    The caller may clear an element at its end. Raises `MapError` for a file that is too large, or
-    has a document type; `ElementTree.ParseError` and ValueError for other faults.
+    The caller may clear an element at its end, or remove it. Raises `MapError` for a file that is
+    too large, has a document type, or has too many elements that the caller keeps;
+    `ElementTree.ParseError` and ValueError for other faults.
     """
     size = path.stat().st_size
     if size > MOST_BYTES:
@@ -41,6 +44,7 @@ def elements(path: Path) -> Iterator[tuple[str, Element, list[Element]]]:
         file.seek(0)
         parser: Any = ElementTree.XMLPullParser(("start", "end"))
         above: list[Element] = []
+        count, due = 0, MOST_ELEMENTS
         while True:
             content = file.read(_CHUNK)
             if content:
@@ -51,6 +55,9 @@ def elements(path: Path) -> Iterator[tuple[str, Element, list[Element]]]:
                 if event == "start":
                     yield "start", element, above
                     above.append(element)
+                    count += 1
+                    if count > due:
+                        due = count + _room(path, above[0])
                     if len(above) > DEEPEST:
                         raise ValueError(f"elements more than {DEEPEST} deep")
                 else:
@@ -58,6 +65,20 @@ def elements(path: Path) -> Iterator[tuple[str, Element, list[Element]]]:
                     yield "end", element, above
             if not content:
                 return
+
+
+def _room(path: Path, root: Element) -> int:
+    """Return how many elements may follow before the next count of those below ``root``. Raises
+    `MapError` for too many."""
+    kept = sum(1 for _ in root.iter())
+    if kept > MOST_ELEMENTS:
+        raise MapError(
+            f"{path.name} has more than {MOST_ELEMENTS} XML elements in one feature, or outside "
+            "all features",
+            "an XML file of many features, each of a few elements",
+            "convert the file to GeoPackage with ogr2ogr",
+        )
+    return max(MOST_ELEMENTS - kept, MOST_ELEMENTS // 4)
 
 
 def local_name(element: Element) -> str:

@@ -1,6 +1,6 @@
 """Breeding: parents, operators and generators of births, and the births made from them.
 
-- `plans`: one plan a birth, drawn from the birth's own generator
+- `birth_plans`: one plan a birth, drawn from the birth's own generator
 - `births`: births bred and measured by plans, at once or elsewhere
 - `island`, `archipelago`: one population, and all populations of a search
 - `credit`: operator weights that follow success

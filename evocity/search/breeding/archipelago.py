@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from evocity.fitness import Aims
+from evocity.search.breeding.birth_plans import BirthPlan, Guidance, migration_generator
 from evocity.search.breeding.island import Island
-from evocity.search.breeding.plans import Guidance, Plan, migration_generator
 from evocity.search.preparation.preparation import Prepared
 from evocity.selection.fronts import Hypervolume
 from evocity.selection.individual import Individual
@@ -72,7 +72,7 @@ class Archipelago:
             self.event("weights", generation=generation, weights=logged)
         return weights
 
-    def plans(self, generation: int, guidance: Guidance, refined: bool = True) -> list[Plan]:
+    def plans(self, generation: int, guidance: Guidance, refined: bool = True) -> list[BirthPlan]:
         """Plan the births of a ``generation``, by slots, see `Island.plans`."""
         return [
             plan for island in self.islands for plan in island.plans(generation, guidance, refined)

@@ -13,7 +13,7 @@ from evocity.errors import RunError, spell
 from evocity.evaluation import Engine
 from evocity.evaluation.evaluator import Outcome, unrecorded
 from evocity.fitness import Aims
-from evocity.search.breeding.plans import Plan
+from evocity.search.breeding.birth_plans import BirthPlan
 from evocity.search.preparation.preparation import Prepared
 from evocity.store import Birth
 
@@ -27,7 +27,7 @@ class Offspring:
     """A plan carried out: the outcome of its ``breeding``, with a genome unless that failed, and of
     its ``evaluation``; None before it, and where nothing can be evaluated."""
 
-    plan: Plan
+    plan: BirthPlan
     breeding: Outcome
     evaluation: Outcome | None = None
 
@@ -58,7 +58,7 @@ class Offspring:
         )
 
 
-def breed_plans(engine: Engine, plans: Sequence[Plan]) -> list[Offspring]:
+def breed_plans(engine: Engine, plans: Sequence[BirthPlan]) -> list[Offspring]:
     """Breed all ``plans`` without evaluating the children."""
     jobs = [(plan.operator, plan.genomes, plan.rng) for plan in plans if plan.operator]
     outcomes = iter(engine.run("breed", jobs))
@@ -68,12 +68,12 @@ def breed_plans(engine: Engine, plans: Sequence[Plan]) -> list[Offspring]:
     ]
 
 
-def stream_offspring(engine: Engine, plans: Iterator[Plan | None]) -> Iterator[Offspring]:
+def stream_offspring(engine: Engine, plans: Iterator[BirthPlan | None]) -> Iterator[Offspring]:
     """Breed and evaluate ``plans``, one job each, and yield each individual when it is done. After
     a None in ``plans``, the next plan is taken once another individual is done. The lost child of a
     worker that hung or died is bred again, by the same draws, so that the log has its genome."""
-    waiting: deque[tuple[Plan, Outcome | None]] = deque()  # to be bred again
-    given: dict[int, tuple[Plan, Outcome | None]] = {}
+    waiting: deque[tuple[BirthPlan, Outcome | None]] = deque()  # to be bred again
+    given: dict[int, tuple[BirthPlan, Outcome | None]] = {}
     numbers = count()
 
     def jobs() -> Iterator[tuple | None]:
@@ -98,7 +98,7 @@ def stream_offspring(engine: Engine, plans: Iterator[Plan | None]) -> Iterator[O
             yield _offspring(plan, outcome, lost)
 
 
-def _offspring(plan: Plan, outcome: Outcome, lost: Outcome | None) -> Offspring:
+def _offspring(plan: BirthPlan, outcome: Outcome, lost: Outcome | None) -> Offspring:
     """If the child was ``lost``, ``outcome`` is that of its second breeding; unless this failed
     too, the child keeps the status and the seconds of the first."""
     if plan.operator is None:
@@ -108,7 +108,7 @@ def _offspring(plan: Plan, outcome: Outcome, lost: Outcome | None) -> Offspring:
     return Offspring(plan, Outcome("ok", genome=outcome.genome), lost or outcome)
 
 
-def _is_lost(plan: Plan, outcome: Outcome) -> bool:
+def _is_lost(plan: BirthPlan, outcome: Outcome) -> bool:
     """An operator that measures while it breeds would take as long again: it is not repeated."""
     repeatable = bool(plan.operator) and not hasattr(plan.operator, "bred_within")
     return repeatable and outcome.genome is None and outcome.status in LOST

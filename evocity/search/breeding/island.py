@@ -12,11 +12,9 @@ from evocity.fitness import Aims
 from evocity.genome import Genome
 from evocity.operators.plans.inheritance import InheritedPlan, founder_name
 from evocity.recipe.recipe import Recipe
-from evocity.search.breeding.credit import Credit
-from evocity.search.breeding.omitted_genomes import describe_rebreeding
-from evocity.search.breeding.plans import (
+from evocity.search.breeding.birth_plans import (
+    BirthPlan,
     Guidance,
-    Plan,
     admission_generator,
     birth_generator,
     child_plans,
@@ -25,6 +23,8 @@ from evocity.search.breeding.plans import (
     learner_plans,
     selection_generator,
 )
+from evocity.search.breeding.credit import Credit
+from evocity.search.breeding.omitted_genomes import describe_rebreeding
 from evocity.search.breeding.refinement.step import add_refinements
 from evocity.search.preparation.preparation import Prepared
 from evocity.selection.individual import Individual
@@ -94,7 +94,7 @@ class Island:
 
     # -- plans ---------------------------------------------------------------------------------
 
-    def plans(self, generation: int, guidance: Guidance, refined: bool = True) -> list[Plan]:
+    def plans(self, generation: int, guidance: Guidance, refined: bool = True) -> list[BirthPlan]:
         """Plan the births of a ``generation``. Without ``refined``, none is a refinement: births
         that are measured elsewhere cannot measure while they breed."""
         algorithm = self.population.algorithm
@@ -106,7 +106,7 @@ class Island:
             return self._child_plans(generation, guidance, self.slots, refined)
         return [self._complete(plan) for plan in plans]
 
-    def plan(self, identifier: int, guidance: Guidance) -> Plan:
+    def plan(self, identifier: int, guidance: Guidance) -> BirthPlan:
         """Plan the birth ``identifier``, after generation 0, from those who live now; a founder if
         nobody does."""
         if not self.population.living:
@@ -114,7 +114,7 @@ class Island:
         generation, slot = divmod(identifier, self.recipe.run.population)
         return self._child_plans(generation, guidance, range(slot, slot + 1))[0]
 
-    def founder_plan(self, identifier: int) -> Plan:
+    def founder_plan(self, identifier: int) -> BirthPlan:
         """Plan the birth ``identifier`` from sources, as those of generation 0."""
         recipe = self.recipe
         rng = birth_generator(recipe.run.seed, *divmod(identifier, recipe.run.population))
@@ -122,7 +122,7 @@ class Island:
 
     def _child_plans(
         self, generation: int, guidance: Guidance, slots: range, refined: bool = True
-    ) -> list[Plan]:
+    ) -> list[BirthPlan]:
         recipe, population = self.recipe, self.population
         plans = child_plans(
             recipe,
@@ -138,7 +138,7 @@ class Island:
             plans = add_refinements(plans, recipe, generation, population, self.aims, self.slots)
         return [self._complete(plan) for plan in plans]
 
-    def _complete(self, plan: Plan) -> Plan:
+    def _complete(self, plan: BirthPlan) -> BirthPlan:
         reconstruction = None if self.recipe.log.genomes == "all" else describe_rebreeding(plan)
         if (plan.island, plan.reconstruction) == (self.name, reconstruction):
             return plan

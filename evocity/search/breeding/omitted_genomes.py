@@ -12,12 +12,12 @@ from functools import lru_cache
 from evocity import operators
 from evocity.errors import EvocityError
 from evocity.recipe.mixture import Drawn
-from evocity.search.breeding.plans import Plan
+from evocity.search.breeding.birth_plans import BirthPlan
 from evocity.search.record.complete_run import CompleteRun
 from evocity.store import MOST_BREEDINGS, BackgroundWriter, Birth, Member, Reconstruction, state_of
 
 
-def describe_rebreeding(plan: Plan) -> Reconstruction | None:
+def describe_rebreeding(plan: BirthPlan) -> Reconstruction | None:
     """Return what breeds the birth of a ``plan``, not carried out yet, a second time; None for
     sources, refinements, and operators of other packages that are more than their parameters."""
     settings = _settings(plan.name, plan.operator)

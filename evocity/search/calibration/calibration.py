@@ -22,7 +22,7 @@ from evocity.fitness import Measure
 from evocity.recipe.reader import recipe_of
 from evocity.recipe.recipe import Recipe
 from evocity.recipe.sections import Parent
-from evocity.search.breeding.plans import child_plans
+from evocity.search.breeding.birth_plans import child_plans
 from evocity.search.calibration.guard import BANDS, GUARD, calibrate_bound, parents_target
 from evocity.search.calibration.recipe_text import Bound, Goal, RecipeSettings, recipe_text
 from evocity.search.preparation.preparation import Prepared, aims_of, prepare, references_of

@@ -6,7 +6,7 @@ from itertools import groupby, islice
 
 from evocity.errors import RunError
 from evocity.search.breeding.archipelago import Archipelago, Tell
-from evocity.search.breeding.plans import UNGUIDED, Guidance, Plan, selection_generator
+from evocity.search.breeding.birth_plans import UNGUIDED, BirthPlan, Guidance, selection_generator
 from evocity.search.preparation.preparation import Prepared
 from evocity.search.record.aims import births_without_genomes, iterate_generations
 from evocity.search.record.commands import StandingOrders
@@ -15,7 +15,7 @@ from evocity.search.steering.execution import picks_of
 from evocity.store import Birth, RunLog
 
 
-def plan_of(run: RunLog, prepared: Prepared, identifier: int) -> Plan:
+def plan_of(run: RunLog, prepared: Prepared, identifier: int) -> BirthPlan:
     """Draw the plan of the birth ``identifier`` of a ``run``: its operator with drawn parameters,
     its parents, and its generator before the breeding. ``prepared`` is of `read_preparation`.
 
@@ -43,7 +43,7 @@ def plan_of(run: RunLog, prepared: Prepared, identifier: int) -> Plan:
     return plan
 
 
-def plans_of(run: RunLog, prepared: Prepared, ids: Iterable[int]) -> Iterator[Plan]:
+def plans_of(run: RunLog, prepared: Prepared, ids: Iterable[int]) -> Iterator[BirthPlan]:
     """Draw the plans of the births ``ids`` of a ``run``, each once and by id, without a look at
     their logged operators and parents. ``prepared``: as in `plan_of`."""
     recipe, ids = prepared.recipe, sorted(set(ids))
@@ -62,7 +62,7 @@ def plans_of(run: RunLog, prepared: Prepared, ids: Iterable[int]) -> Iterator[Pl
 
 def _generation_plans(
     run: RunLog, prepared: Prepared, generation: int, ids: Iterable[int]
-) -> Iterator[Plan]:
+) -> Iterator[BirthPlan]:
     size, guidance = prepared.recipe.run.population, UNGUIDED
     population = Archipelago(prepared)
     if generation:
@@ -73,7 +73,7 @@ def _generation_plans(
         yield from (plans[identifier % size - island.slots.start] for identifier in own)
 
 
-def _window_plans(run: RunLog, prepared: Prepared, ids: Sequence[int]) -> Iterator[Plan]:
+def _window_plans(run: RunLog, prepared: Prepared, ids: Sequence[int]) -> Iterator[BirthPlan]:
     """Plans in a window, from those who lived when the birth that each waits for was admitted."""
     size, window = prepared.recipe.run.population, prepared.recipe.search.window
     for generation, own in groupby(ids, lambda identifier: max(-1, (identifier - window) // size)):
@@ -90,7 +90,7 @@ def _window_plans(run: RunLog, prepared: Prepared, ids: Sequence[int]) -> Iterat
 
 def _learner_plans(
     run: RunLog, prepared: Prepared, ids: Mapping[int, Sequence[int]]
-) -> Iterator[Plan]:
+) -> Iterator[BirthPlan]:
     """Plans of an algorithm with its own operator: it learns from all earlier births again."""
     recipe, weights = prepared.recipe, {}
     population = Archipelago(prepared)

@@ -16,7 +16,7 @@ from evocity.evaluation import Here
 from evocity.evaluation.evaluator import Outcome
 from evocity.genome import VOID, Genome
 from evocity.recipe.recipe import Recipe
-from evocity.search.breeding.plans import founder_indices
+from evocity.search.breeding.birth_plans import founder_indices
 from evocity.search.breeding.refinement.climb import Breed, ClimbResult, Score, climb, round_score
 from evocity.search.breeding.refinement.variables import (
     Tuning,

@@ -9,8 +9,8 @@ from itertools import groupby
 
 from evocity.errors import RunError, check_number, keyword
 from evocity.evaluation import Engine
+from evocity.search.breeding.birth_plans import BirthPlan
 from evocity.search.breeding.births import LOST, Offspring, breed_plans, stream_offspring
-from evocity.search.breeding.plans import Plan
 from evocity.search.preparation.preparation import Prepared
 from evocity.search.preparation.startup import Crew, compile_and_start
 from evocity.search.preparation.trust import Permission
@@ -109,7 +109,7 @@ def _compare(then: Birth, child: Offspring, prepared: Prepared) -> Replayed:
     return Replayed(then.id, not found, found)
 
 
-def _breed_only(then: Birth, plan: Plan, engine: Engine) -> Replayed:
+def _breed_only(then: Birth, plan: BirthPlan, engine: Engine) -> Replayed:
     """A birth that ended as only worker processes can end is not measured in this process."""
     reason = f"it ended by {then.status}: only worker processes can measure it again"
     hint = f"; ask for some: {keyword('workers', 1)}"

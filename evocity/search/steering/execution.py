@@ -7,7 +7,7 @@ from dataclasses import replace
 from evocity.errors import EvocityError, RunError
 from evocity.genome import Genome
 from evocity.recipe.recipe import Recipe
-from evocity.search.breeding.plans import Picks
+from evocity.search.breeding.birth_plans import Picks
 from evocity.search.record.commands import (
     ASIDE,
     DONE,

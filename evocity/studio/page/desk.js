@@ -65,7 +65,7 @@ export class Desk {
     const row = element(this.fields, "div", "row");
     const file = this.file = element(element(row, "label", "file", "your own files "), "input", "", "", { type: "file", multiple: "" });
     file.addEventListener("change", () => this.upload([...file.files]));
-    element(row, "span", "faint", "To add files, drop them here: GeoJSON, CityJSON, GeoPackage, OSM, GeoTIFF, PNG or NPY. If your file is a Shapefile, first convert it to a GeoPackage.");
+    element(row, "span", "faint", "To add files, drop them here: GeoJSON, GeoPackage, GeoParquet, FlatGeobuf, OSM, KML, CityJSON, GML, DXF, GeoTIFF, ASCII grid, PNG, NPY. If your map is a Shapefile or a File GDB, pack its files into a zip.");
     this.uploadStatus = element(this.fields, "p", "", "", { role: "status" });
     this.cardList = element(this.fields, "ul", "cards", "", { "aria-label": "cities" });
     for (const name of ["dragover", "drop"]) {
@@ -212,7 +212,24 @@ export class Desk {
       card.credit.textContent = one.about ? one.about.attribution || "the file states no attribution" : "";
       if (fault && fault !== card.fault) card.more.open = true;
       card.fault = fault;
+      if (card.terrain_map) this.showRasters(one.map, card, maps);
     }
+  }
+
+  /** Offer the user's other rasters as ground of a map. */
+  showRasters(map, card, maps) {
+    const ofFootprints = (one) => one.about && Object.keys(one.about.rules).length > 0; // in a zip
+    const isRaster = (one) => one.own && one.takes.includes("terrain") && !ofFootprints(one);
+    const rasters = maps.filter((one) => one.map !== map && isRaster(one));
+    const key = JSON.stringify(rasters.map((one) => one.map)), select = card.terrain_map;
+    if (key === card.rasters) return;
+    const value = card.rasters ? select.value : String((this.placed.get(map) || {}).terrain_map ?? "");
+    card.rasters = key;
+    select.replaceChildren();
+    element(select, "option", "", "none", { value: "" });
+    for (const one of rasters) element(select, "option", "", one.title, { value: one.map });
+    select.value = value;
+    if (select.selectedIndex < 0) select.value = "";
   }
 
   card({ map, title, own, takes }) {
@@ -246,6 +263,11 @@ export class Desk {
     if (takes.includes("height_column")) option("column of heights, m", "height_column");
     if (takes.includes("levels_column")) option("column of storeys", "levels_column");
     if (takes.includes("height_scale")) option("height in metres of one grey level in a picture, or of one unit in a raster", "height_scale", LENGTH);
+    if (takes.includes("nodata")) option("value of missing pixels", "nodata", {});
+    if (takes.includes("terrain")) {
+      option("elevation of the ground, m", "terrain", { min: -1000, max: 10000 });
+      card.terrain_map = element(element(card.more, "label", "", "raster of the ground "), "select");
+    }
     if (own) {
       const remove = element(item, "button", "", `remove ${title}`, { type: "button" });
       remove.addEventListener("click", async () => {
@@ -344,8 +366,9 @@ export class Desk {
       if (!card) return choice;
       const [lon, lat] = [numberIn(card.lon), numberIn(card.lat)];
       if (lon !== null && lat !== null) choice.center = [lon, lat];
-      for (const name of ["default_height", "height_scale"]) if (card[name] && numberIn(card[name]) !== null) choice[name] = numberIn(card[name]);
+      for (const name of ["default_height", "height_scale", "nodata", "terrain"]) if (card[name] && numberIn(card[name]) !== null) choice[name] = numberIn(card[name]);
       for (const name of ["layer", "height_column", "levels_column"]) if (card[name] && card[name].value.trim()) choice[name] = card[name].value.trim();
+      if (card.terrain_map && card.terrain_map.value) choice.terrain_map = Number(card.terrain_map.value);
       return choice;
     });
     const length = numberIn(this.length), isTimed = this.unit.value === "minutes";

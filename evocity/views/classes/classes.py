@@ -24,6 +24,9 @@ TRACE = 0.3, 8.0
 #: of a laser scan, or frayed eaves of a raw attractor. Bundled cities have 500 to 1150 pieces, and
 #: keep 0 to 60. A terrace with a depth of half its width has a third.
 FRINGE = 0.4
+#: Pixels of the smallest building with a class of its own, a square of two by two. A raster does
+#: not show the shape of fewer pixels: in bred maps they are traces, not posts or trees.
+FEWEST = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +107,9 @@ def classified(
     table : the classes; None for those of this package.
     site : bool ``(H, W)``: the map's own pixels, None for all.
 
+    A building of fewer than `FEWEST` pixels has the class of the table's last entry, whatever its
+    shape.
+
     About .5 ms at 256² without low objects, 3 ms with many.
 
     Source: the seven classes and their two features, surface and height, then "some quick shape
@@ -114,9 +120,12 @@ def classified(
     if low is not None:
         labels = np.where(low.labels > 0, low.labels + np.int32(len(buildings)), labels)
         values = np.concatenate([values, features(low)], axis=1)
+    kinds = table.classified(values)
+    few = buildings.area < (FEWEST - 0.5) * metres_per_pixel**2
+    kinds[: len(buildings)][few] = table.names.index(table.entries[-1][0])
     columns = {
         "labels": labels,
-        "classes": table.classified(values),
+        "classes": kinds,
         "area": values[0].copy(),
         "height": values[1].copy(),
         "roundness": values[2].copy(),

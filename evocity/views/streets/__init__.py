@@ -4,7 +4,9 @@
 - `lines`: the graph of lines, without narrow passages and short dead ends, with merged crossings
 - `places`: squares and other wide, compact ground
 - `kinds`: a table of kinds of streets, and of the limits of a place: `StreetKinds`
-- `graph`: the street graph of a map, and surfaces of streets: `street_graph`, `StreetGraph`
+- `facades`: widths between façades across a street, at several places of each edge
+- `ribbons`: surfaces of streets, from discs that move along the edges
+- `graph`: the street graph of a map: `street_graph`, `StreetGraph`
 """
 
 from evocity.views.streets.graph import ALLEY_WIDTH, LEAST_WIDTH, SPURS, StreetGraph, street_graph

@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
 
 from evocity.errors import MapError, check_number
 from evocity.views.buildings import outlines
@@ -15,15 +14,18 @@ from evocity.views.connected_components import pieces
 from evocity.views.ground.space import nearest_built
 from evocity.views.limit_tables import read_only
 from evocity.views.streets._kernels import middles, smoothed, straight_on, thickness
+from evocity.views.streets.facades.widths import measure_facades
 from evocity.views.streets.kinds import StreetKinds, packaged
 from evocity.views.streets.lines import (
     Lines,
+    along_hubs,
     build_lines,
     connected_to_frame,
     edge_values,
     select_streets,
 )
 from evocity.views.streets.places import Places, make_places
+from evocity.views.streets.ribbons import cut_ribbons, sweep_discs
 from evocity.views.streets.skeleton import Ground, skeleton
 
 if TYPE_CHECKING:
@@ -39,8 +41,6 @@ SPURS = 1.0
 #: Greatest width in `StreetGraph.width_map`, metres.
 WIDEST = 100.0
 
-# Step between discs along the points of a line; number of points over which widths are smoothed.
-_EVERY, _EVEN = 3, 9
 # Rounds of smoothing of a line; its root of half is the reach, px, each way.
 _ROUNDS = 18
 # A street continues over a crossing if it turns by less than 45°; directions are taken so many
@@ -57,8 +57,11 @@ class StreetGraph:
     the map there; never in a closed city.
 
     edges : m shapely lines, each from node ``ends[k, 0]`` to node ``ends[k, 1]``, smooth, in open
-    ground. ends : int32 ``(m, 2)``. length : float64 ``(m,)``, metres. width, least : float64
-    ``(m,)``, median and least width from wall to wall, metres; along a place, to the place's
+    ground. ends : int32 ``(m, 2)``. length : float64 ``(m,)``, metres. width, low, high : float64
+    ``(m,)``, metres, median, least and greatest width from façade to façade across the edge, at
+    ``measured`` places, int32 ``(m,)``; where no place has façades on both sides, ``measured`` is
+    0, and the widths are those of the open ground. clear, least : float64 ``(m,)``, median and
+    least width of the open ground between the nearest walls, metres; along a place, to the place's
     middle. street : int32 ``(m,)``, the number of an edge's street, from 0: edges that go on
     straight over a crossing belong to one street. kind : str ``(m,)``, from the table; ``"place"``
     where most of an edge lies in a place, ``"water"`` where most of it lies in water. leaves : bool
@@ -77,6 +80,10 @@ class StreetGraph:
     ends: np.ndarray
     length: np.ndarray
     width: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    measured: np.ndarray
+    clear: np.ndarray
     least: np.ndarray
     street: np.ndarray
     kind: np.ndarray
@@ -120,6 +127,23 @@ class StreetGraph:
         thick = np.where(ground.open, thick * np.float32(pixel), np.float32(np.nan))
         return read_only(np.ascontiguousarray(thick[1:-1, 1:-1]))
 
+    @property
+    def _halves(self) -> np.ndarray:
+        """Half the width at each point of the edges, edge after edge, metres."""
+        made = self._input
+        return made.ground.across.ravel()[made.lines.path] * (made.pixel / 2)
+
+    def swept(self, chosen: np.ndarray | None = None) -> np.ndarray:
+        """Make the uncut surfaces of the edges: the area of discs as wide as the ground that move
+        along each edge. Surfaces cross walls by less than a pixel.
+
+        chosen : bool ``(m,)``, the edges that have a surface; None means all."""
+        made, halves, edges = self._input, self._halves, self.edges
+        if chosen is not None:
+            halves = halves[np.repeat(chosen, np.diff(made.lines.starts))]
+            edges = [edge for edge, kept in zip(edges, chosen.tolist(), strict=True) if kept]
+        return sweep_discs(edges, halves, made.pixel, 4)
+
     def ribbons(self, walls=None) -> np.ndarray:
         """Make the surfaces of streets: a smooth polygon or multipolygon for each edge, as wide as
         the street, cut at walls and at the frame. They overlap where streets meet.
@@ -128,7 +152,7 @@ class StreetGraph:
         About 0.2 s at 256².
         """
         made = self._input
-        halves = made.ground.across.ravel()[made.lines.path] * (made.pixel / 2)
+        halves = self._halves
         shape = made.open_ground.shape
         own = np.ones(shape, bool) if made.site is None else made.site
         solid = [outlines(pieces(~own)[0], made.pixel, made.corner)]
@@ -137,7 +161,7 @@ class StreetGraph:
         solid = np.array([polygon for some in solid for polygon in some], dtype=object)
         left, top = made.corner
         window = left, top - shape[0] * made.pixel, left + shape[1] * made.pixel, top
-        return _make_ribbons(self.edges, halves, made.pixel, solid, window)
+        return cut_ribbons(sweep_discs(self.edges, halves, made.pixel), solid, window)
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,15 +263,22 @@ def _build(
     nodes = np.where(outward != 0, pixels + outward, nodes)
     ends = np.stack([nodes[lines.first], nodes[lines.last]], axis=1)
     smoothed(lines.starts, lines.path, ground.squares, ends, _ROUNDS, points)
-    nodes, points = (_to_metres(pairs, made) for pairs in (nodes, points))
     edge = np.repeat(np.arange(count), np.diff(lines.starts))
+    place = _majority(edge, np.pad(where, 1, constant_values=-1).ravel()[lines.path], count)
+    clear, least = (values * pixel for values in edge_values(lines, ground.across))
+    near = ground.across.ravel()[lines.path]
+    across = measure_facades(
+        points, lines.starts, _walls(made), near, along_hubs(lines, ground), pixel
+    )
+    width, low, high = (
+        np.where(across.places, own, clear) for own in (across.median, across.low, across.high)
+    )
+    nodes, points = (_to_metres(pairs, made) for pairs in (nodes, points))
     edges = shapely.linestrings(points, indices=edge)
     length = shapely.length(edges)
-    width, least = (values * pixel for values in edge_values(lines, ground.across))
     street = np.empty(count, np.int64)
     straight_on(lines.first, lines.last, _headings(points, lines.starts), _STRAIGHT, street)
     street = np.unique(street, return_inverse=True)[1]
-    place = _majority(edge, np.pad(where, 1, constant_values=-1).ravel()[lines.path], count)
     kind = table.named(width, np.bincount(street, length)[street])
     kind = kind.astype(np.result_type(kind.dtype, "U5"))  # "place" and "water" have room
     kind[place >= 0] = "place"
@@ -264,6 +295,10 @@ def _build(
         "ends": ends,
         "length": length,
         "width": width,
+        "low": low,
+        "high": high,
+        "measured": across.places,
+        "clear": clear,
         "least": least,
         "street": street.astype(np.int32),
         "kind": kind,
@@ -274,6 +309,14 @@ def _build(
     }
     arrays = {name: read_only(array) for name, array in arrays.items()}
     return StreetGraph(edges=tuple(edges), places=places, _input=made, **arrays)
+
+
+def _walls(made: _Input) -> np.ndarray:
+    """Mark open ground, walls, and what lies beyond an open map: uint8, bordered, 0, 1 and 2."""
+    within = np.ones(made.open_ground.shape, bool) if made.site is None else made.site
+    beyond = np.uint8(1 if made.closed else 2)
+    walls = np.where(within, (~made.open_ground).astype(np.uint8), beyond)
+    return np.pad(walls, 1, constant_values=beyond)
 
 
 def _to_metres(points: np.ndarray, made: _Input) -> np.ndarray:
@@ -332,34 +375,3 @@ def _quarters(building_labels: np.ndarray, lines: np.ndarray) -> np.ndarray:
     own = np.zeros(building_labels.max(initial=0) + 1, np.int64)
     own[building_labels] = between
     return np.unique(own[1:], return_inverse=True)[1].astype(np.int32)
-
-
-def _make_ribbons(
-    edges, halves: np.ndarray, pixel: float, solid: np.ndarray, window: tuple[float, ...]
-) -> np.ndarray:
-    """Make a polygon or multipolygon for each line: the area of discs that move along it.
-
-    edges : m shapely lines. halves : half the width at each of their points, line after line, m.
-    pixel : side of a pixel, m. solid : polygons to cut out. window : left, bottom, right, top of
-    the result, m.
-    """
-    import shapely
-
-    tree = shapely.STRtree(solid)
-    surfaces = np.empty(len(edges), dtype=object)
-    begin = 0
-    for k, edge in enumerate(edges):
-        points = shapely.get_coordinates(edge)
-        own = scipy.ndimage.uniform_filter1d(
-            halves[begin : begin + len(points)].astype(np.float64), _EVEN, mode="nearest"
-        )
-        begin += len(points)
-        at = np.unique(np.append(np.arange(0, len(points), _EVERY), len(points) - 1))
-        discs = shapely.buffer(shapely.points(points[at]), np.maximum(own[at], pixel / 4))
-        pairs = shapely.multipolygons(np.column_stack([discs[:-1], discs[1:]]))
-        surface = shapely.union_all(shapely.convex_hull(pairs))
-        near = solid[tree.query(surface, predicate="intersects")]
-        if len(near):
-            surface = shapely.difference(surface, shapely.union_all(near))
-        surfaces[k] = shapely.buffer(shapely.clip_by_rect(surface, *window), 0)
-    return surfaces

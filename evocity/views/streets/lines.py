@@ -106,6 +106,23 @@ def connected_to_frame(lines: Lines, ground: Ground) -> tuple[np.ndarray, np.nda
     return reached[:many], reached[many:][ground.hubs[1:] - 1]
 
 
+def along_hubs(lines: Lines, ground: Ground) -> np.ndarray:
+    """Select the edges of which over half run along middles of places or of open land, which the
+    ground counts as walls: bool ``(m,)``."""
+    count = len(lines.first)
+    edge = np.repeat(np.arange(count), np.diff(lines.starts))
+    beside = _hubs_beside(lines, ground).any(axis=1)
+    return 2 * np.bincount(edge, beside, minlength=count) > np.diff(lines.starts)
+
+
+def _hubs_beside(lines: Lines, ground: Ground) -> np.ndarray:
+    """Find the hubs of `Ground.beside` at each pixel of the edges and at its four neighbours: int32
+    ``(k, 5)``."""
+    columns = ground.open.shape[1]
+    step = np.array([0, 1, -1, columns, -columns])  # one of two walls may be a neighbour's next
+    return ground.beside.ravel()[lines.path[:, None] + step]
+
+
 def _pieces(many: int, one: np.ndarray, other: np.ndarray) -> tuple[int, np.ndarray]:
     """Count the components of ``many`` nodes with links, and find the component of each node."""
     links = np.ones(len(one), bool), (one, other)
@@ -116,9 +133,7 @@ def _pieces(many: int, one: np.ndarray, other: np.ndarray) -> tuple[int, np.ndar
 
 def _edge_hubs(lines: Lines, ground: Ground) -> tuple[np.ndarray, np.ndarray]:
     """List pairs of an edge and a hub of `Ground.beside` along which the edge runs."""
-    columns = ground.open.shape[1]
-    step = np.array([0, 1, -1, columns, -columns])  # one of two walls may be a neighbour's next
-    hub = ground.beside.ravel()[lines.path[:, None] + step]
+    hub = _hubs_beside(lines, ground)
     edge = np.repeat(np.arange(len(lines.first)), np.diff(lines.starts))
     at, _ = np.nonzero(hub)
     return edge[at], hub[hub > 0]

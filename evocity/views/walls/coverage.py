@@ -15,6 +15,9 @@ _MOST = 2.0
 #: Grid of corners, metres from the map's south-west corner; or a thousandth of a pixel, if that is
 #: less. So files with this precision hold the same valid polygons.
 GRAIN = 1e-3
+#: Corners of an arc nearer than this to the corner before are left out, metres, or a share of a
+#: pixel, if that is less: validators take such corners for one.
+NEAR = 5e-3
 #: Most pixels of a building that must not become a triangle.
 FEW = 4
 #: Levels of an arc: fitted lines, simplified edges of pixels, edges of pixels.
@@ -62,7 +65,8 @@ def build_coverage(
         still[arcs.ends[stairs].ravel()] = True
         at = np.where(still[:, None], arcs.nodes, nodes)
         points, starts = _lay_arcs(arcs, lines, at, levels)
-        return _to_grid(points, metres_per_pixel, len(arcs.labels), corner), starts
+        placed = _to_grid(points, metres_per_pixel, len(arcs.labels), corner)
+        return _drop_near(placed, starts, NEAR * min(1.0, metres_per_pixel))
 
     while True:
         points, starts = lay()
@@ -100,6 +104,26 @@ def _to_grid(
     deep = rows * metres_per_pixel
     local = np.column_stack([points[:, 0], rows - points[:, 1]]) * metres_per_pixel
     return np.round(local / grain) * grain + (corner[0], corner[1] - deep)
+
+
+def _drop_near(
+    points: np.ndarray, starts: np.ndarray, least: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Drop corners of arcs that lie within ``least`` of the corner before, or of the arc's end; the
+    ends of arcs stay. Equal corners stay, too: arcs of a point are odd."""
+    step = points[1:] - points[:-1]
+    distance = (step**2).sum(axis=1)
+    ends = np.zeros(len(points), bool)
+    ends[starts[:-1]] = ends[starts[1:] - 1] = True
+    arc = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+    near = (distance < least**2) & (distance > 0) & (arc[1:] == arc[:-1])
+    dropped = np.zeros(len(points), bool)
+    dropped[1:] = near & ~ends[1:]
+    dropped[:-1] |= near & ends[1:] & ~ends[:-1]
+    if not dropped.any():
+        return points, starts
+    before = np.concatenate([[0], np.cumsum(~dropped)])
+    return points[~dropped], before[starts]
 
 
 def find_pinched(polygons: np.ndarray) -> np.ndarray:
@@ -237,8 +261,8 @@ class _Rings:
         """Select arcs that must fall back: bool ``(arcs, 2)``.
 
         First column: arcs of rings that turned over or collapsed, and of buildings less than half
-        or more than twice as large as their pixels. Second: arcs that are a point, and those of
-        triangles for buildings of a few pixels.
+        or more than twice as large as their pixels. Second: arcs that are nearly a point, and those
+        of triangles for buildings of a few pixels.
         """
         out, at = self._points(points, starts)
         areas = _areas(out, at, len(self._labels))
@@ -255,7 +279,8 @@ class _Rings:
             of_half = (self._ring_of >= 0) & of_ring[self._ring_of]
             odd[:, column] = of_half.reshape(-1, 2).any(axis=1)
         first, last = points[starts[:-1]], points[starts[1:] - 1]
-        odd[:, 1] |= (np.diff(starts) == 2) & (first == last).all(axis=1)
+        least = NEAR * min(1.0, metres_per_pixel)
+        odd[:, 1] |= (np.diff(starts) == 2) & (((last - first) ** 2).sum(axis=1) < least**2)
         return odd
 
     def polygons(self, points, starts) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,7 @@ from evocity.fitness import Aims
 from evocity.genome import Genome
 from evocity.recipe.mixture import operator_of
 from evocity.recipe.recipe import Recipe
-from evocity.search.breeding.plans import Plan, birth_generator
+from evocity.search.breeding.birth_plans import BirthPlan, birth_generator
 from evocity.search.breeding.refinement.climb import Score, climb, round_score
 from evocity.search.breeding.refinement.variables import field_tuning, height_tuning
 from evocity.selection.individual import Individual
@@ -77,13 +77,13 @@ class Refinement:
 
 
 def add_refinements(
-    plans: Sequence[Plan],
+    plans: Sequence[BirthPlan],
     recipe: Recipe,
     generation: int,
     population: Population,
     aims: Aims,
     slots: range,
-) -> list[Plan]:
+) -> list[BirthPlan]:
     """Replace the ``plans`` for the last of the ``slots`` of a ``generation`` by refinements, if
     the recipe says so. Each refines the best of the living by drawn weights of the goals, and draws
     from the others those who offer their fabric."""
@@ -100,7 +100,7 @@ def add_refinements(
             score = Score.of(aims, population.first_losses)
             operator, parents = _refinement(population.living, score, recipe, rng)
             ids, genomes = zip(*((one.id, one.genome) for one in parents), strict=True)
-            plan = Plan(plan.id, operator, ids, genomes, rng)
+            plan = BirthPlan(plan.id, operator, ids, genomes, rng)
         refined.append(plan)
     return refined
 

@@ -11,7 +11,7 @@ from evocity.errors import OperatorError, add_near_miss, is_number, spell
 from evocity.genome import Genome
 from evocity.operators.parameters import number_of, repair_checks
 from evocity.recipe.mixture import Drawn, split_ranges
-from evocity.search.breeding.plans import Plan
+from evocity.search.breeding.birth_plans import BirthPlan
 
 #: The least and the largest factor of heights.
 FACTORS = 0.4, 2.5
@@ -102,7 +102,9 @@ def height_tuning(genome: Genome, side: int, make: Callable) -> Tuning:
     return _from_zero([genome], side**2, bounds, 0.3, make_at)
 
 
-def parameter_tuning(plan: Plan, parameters: Mapping[str, Any], keys: Sequence[str] = ()) -> Tuning:
+def parameter_tuning(
+    plan: BirthPlan, parameters: Mapping[str, Any], keys: Sequence[str] = ()
+) -> Tuning:
     """Tune numeric parameters of the operator that bred an individual, with the same draws.
 
     plan : how it was bred.

@@ -15,7 +15,7 @@ from evocity.store import Reconstruction
 
 
 @dataclass(frozen=True)
-class Plan:
+class BirthPlan:
     """How one individual is bred; without an operator it is its one parent. ``island``: where it is
     born; ``reconstruction``: how to breed it later, if the log may omit its genome."""
 
@@ -96,7 +96,7 @@ def migration_generator(recipe: Recipe, generation: int, island: int) -> np.rand
 
 def founder_plans(
     recipe: Recipe, sources: Sequence[Genome], slots: range | None = None
-) -> list[Plan]:
+) -> list[BirthPlan]:
     """Plan generation 0, or its ``slots``: the sources, then their fusions and mutants.
 
     After the sources, two births in three are fusions and one is a mutant. Fusions take the
@@ -112,13 +112,13 @@ def founder_plan(
     sources: Sequence[Genome],
     slot: int,
     rng: np.random.Generator | None = None,
-) -> Plan:
+) -> BirthPlan:
     """Plan the birth in one ``slot`` (0 or more) of generation 0, see `founder_plans`. ``rng``: the
     generator of a founder that is born in a later generation."""
     count = len(sources)
     rng = birth_generator(recipe.run.seed, 0, slot) if rng is None else rng
     if slot < count:
-        return Plan(slot, None, (), (sources[slot],), rng)
+        return BirthPlan(slot, None, (), (sources[slot],), rng)
     weighty = {name for name, entry in recipe.operators.items() if entry.weight > 0}
     crossing, changing = (
         next((name for name in names if name in weighty), names[-1])
@@ -138,7 +138,7 @@ def founder_plan(
         operator = recipe.operator_drawn(changing, rng, **_all_faces(recipe, changing))
         lone = (turn // 3 if pairs else turn) % count
         parents = (lone, *founder_indices(operator, count))
-    return Plan(slot, operator, parents, tuple(sources[i] for i in parents), rng)
+    return BirthPlan(slot, operator, parents, tuple(sources[i] for i in parents), rng)
 
 
 def _all_faces(recipe: Recipe, name: str) -> dict[str, None]:
@@ -149,7 +149,7 @@ def _all_faces(recipe: Recipe, name: str) -> dict[str, None]:
 
 def learner_plans(
     recipe: Recipe, algorithm: Algorithm, generation: int, sources: Sequence[Genome]
-) -> list[Plan]:
+) -> list[BirthPlan]:
     """Plan a ``generation`` of an ``algorithm`` that breeds by its own operator: of all
     ``sources``, which take the first slots of generation 0."""
     first = generation * recipe.run.population
@@ -158,11 +158,11 @@ def learner_plans(
     for slot, settings in enumerate(algorithm.settings(first, len(sources), rng)):
         own_rng = birth_generator(recipe.run.seed, generation, slot)
         if generation == 0 and slot < len(sources):
-            plans.append(Plan(slot, None, (), (sources[slot],), own_rng))
+            plans.append(BirthPlan(slot, None, (), (sources[slot],), own_rng))
         else:
             operator = recipe.operator(algorithm.breeds_by, **settings)
             parents = tuple(range(len(sources)))
-            plans.append(Plan(first + slot, operator, parents, tuple(sources), own_rng))
+            plans.append(BirthPlan(first + slot, operator, parents, tuple(sources), own_rng))
     return plans
 
 
@@ -194,7 +194,7 @@ def child_plans(
     guidance: Guidance = UNGUIDED,
     island: str | None = None,
     slots: range | None = None,
-) -> list[Plan]:
+) -> list[BirthPlan]:
     """Plan the children of one ``generation`` of an ``island``, or of its ``slots``. Each draws an
     operator by weight, lets the ``algorithm`` choose parents among the ``living``, and draws ranged
     parameters. ``sources`` are further parents of operators that take from anywhere."""
@@ -223,5 +223,7 @@ def child_plans(
         operator = drawing(name)(rng)
         chosen += [(i, sources[i]) for i in founder_indices(operator, len(sources))]
         ids, genomes = zip(*chosen, strict=True)
-        plans.append(Plan(generation * recipe.run.population + slot, operator, ids, genomes, rng))
+        plans.append(
+            BirthPlan(generation * recipe.run.population + slot, operator, ids, genomes, rng)
+        )
     return plans

@@ -1,0 +1,21 @@
+"""Pitched roofs of buildings, by the straight skeletons of their plans.
+
+- `plans`: sides of plans: façades and party walls
+- `choice`: the shape and the pitch of each roof
+- `skeleton`, `_kernels`: weighted straight skeletons
+- `roofs`: the faces of roofs, as shells of a scene's solids
+- `checks`: levels and heights that can have roofs
+"""
+
+from evocity.io.roof_shapes import SHAPES
+from evocity.scene.roofs.checks import check_heights, heights_are_ridges, level_of
+from evocity.scene.roofs.roofs import count_shapes, raise_roofs
+
+__all__ = [
+    "SHAPES",
+    "check_heights",
+    "count_shapes",
+    "heights_are_ridges",
+    "level_of",
+    "raise_roofs",
+]

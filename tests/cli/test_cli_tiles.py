@@ -1,0 +1,111 @@
+"""Levels of detail and tiles on the command line."""
+
+import json
+
+import numpy as np
+import pytest
+from cli_tools import AT_2_M, PLAIN, call, refused, write_town
+
+import evocity
+from evocity.cli.grow import MARGIN
+from evocity.growth import grow
+from evocity.scene import write_tiles
+
+SIZE = ("--width", 128, "--height", 96)
+
+
+@pytest.fixture(scope="module")
+def town_file(tmp_path_factory):
+    return write_town(tmp_path_factory.mktemp("town") / "town.npy")
+
+
+@pytest.fixture(scope="module")
+def genome_file(tmp_path_factory, town_file):
+    path = tmp_path_factory.mktemp("genome") / "town.parquet"
+    call("encode", town_file, *AT_2_M, *PLAIN, "-o", path)
+    return path
+
+
+def files_of(folder) -> dict[str, bytes]:
+    held = (path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in held}
+
+
+def test_a_level_and_a_budget_arrive(tmp_path, town_file):
+    path = tmp_path / "t.glb"
+    made = call("scene", town_file, *AT_2_M, "-o", path, "--lod", "1.2", "--json").stdout
+    (facts,) = json.loads(made)["scenes"]
+    city = evocity.read_map(town_file, metres_per_pixel=2)
+    scene = evocity.scene(city, lod="1.2")
+    assert facts["lod"] == "1.2"
+    assert sum(facts["triangles"].values()) == scene.triangle_count
+    scene.write(tmp_path / "same.glb")
+    assert path.read_bytes() == (tmp_path / "same.glb").read_bytes()
+    few = evocity.scene(city, lod="1.0").triangle_count
+    made = call("scene", town_file, *AT_2_M, "-o", path, "--triangles", few, "--json").stdout
+    assert json.loads(made)["scenes"][0]["lod"] == "1.0"
+
+
+def test_tiles_are_those_of_the_library(tmp_path, town_file):
+    words = ("scene", town_file, *AT_2_M, "--streets", "--tile", 32, "--tiles", tmp_path / "t")
+    made = call(*words).stdout
+    assert "wrote 4 tiles of LoD 1.3, 1.2, 1.0, afar, 21 files, to" in made
+    scene = evocity.scene(evocity.read_map(town_file, metres_per_pixel=2), streets=True)
+    facts = write_tiles(scene, tmp_path / "same", 32)
+    assert files_of(tmp_path / "t") == files_of(tmp_path / "same")
+    (told,) = json.loads(call(*words, "--json").stdout)["scenes"]
+    assert told["tiles"] == facts
+    assert "file" not in told
+
+
+@pytest.mark.slow
+def test_a_grown_fabric_becomes_a_scene_and_tiles(tmp_path, genome_file):
+    path = tmp_path / "grown.glb"
+    call("grow", genome_file, *SIZE, "--seed", 4, "-o", path, "--lod", "1.2")
+    fabric = grow(evocity.read_genome(genome_file), 96, 128, np.random.default_rng(4))
+    evocity.scene(fabric.city(), lod="1.2").write(tmp_path / "same.glb")
+    assert path.read_bytes() == (tmp_path / "same.glb").read_bytes()
+    call("grow", genome_file, *SIZE, "--seed", 4, "-o", path, "--roofs")
+    evocity.scene(fabric.city(), roofs=True).write(tmp_path / "same.glb")
+    assert path.read_bytes() == (tmp_path / "same.glb").read_bytes()
+    words = (*SIZE, "--seed", 4, "--tiles", tmp_path / "t", "--tile", 32)
+    made = json.loads(call("grow", genome_file, *words, "--json").stdout)
+    around = (-MARGIN, -MARGIN, 96 + 2 * MARGIN, 128 + 2 * MARGIN)
+    facts = write_tiles(evocity.scene(fabric.city(*around)), tmp_path / "same", 32, margin=MARGIN)
+    assert made["tiles"] == facts
+    assert facts["tiles"] == 12
+    assert files_of(tmp_path / "t") == files_of(tmp_path / "same")
+
+
+def test_bad_input(tmp_path, town_file, genome_file):
+    town = ("scene", town_file, *AT_2_M)
+    refused(tmp_path, *town, says="neither -o nor --tiles")
+    refused(tmp_path, *town, "-o", tmp_path / "t.glb", "--triangles", 3, says="--triangles 3")
+    refused(tmp_path, *town, "-o", tmp_path / "t.glb", "--tile", 3, says="--tile is given without")
+    refused(tmp_path, *town, "--tiles", tmp_path / "t", "--tile", 30, says="do not divide")
+    refused(tmp_path, *town, "--tiles", tmp_path / "no" / "t", says="no folder")
+    refused(tmp_path, *town, "--tiles", town_file, says="is a file")
+    refused(tmp_path, *town, "--tiles", tmp_path / "t", "--triangles", 900, says="--triangles")
+    refused(tmp_path, *town, "--tiles", tmp_path / "t", "--width", 90, says="--width")
+    more = ("--zoom", 1, "--zoom", 2)
+    refused(tmp_path, "scene", genome_file, "--tiles", tmp_path / "t", *more, says="2 × --zoom")
+    path = tmp_path / "t.city.json"
+    refused(tmp_path, *town, "-o", path, "--lod", "afar", says='level of detail "afar"')
+    refused(tmp_path, "grow", genome_file, *SIZE, says="neither -o nor --tiles")
+    grown = ("grow", genome_file, *SIZE, "-o", tmp_path / "t.tif")
+    refused(tmp_path, *grown, "--lod", "1.2", says="--lod is given without")
+    path = tmp_path / "t.npy"
+    tiles = ("-o", path, "--tiles", tmp_path / "t")
+    refused(tmp_path, "grow", genome_file, *SIZE, *tiles, "--tile", 30, says="do not divide")
+    for name in ("--merge", "--instances"):
+        refused(tmp_path, *town, "--tiles", tmp_path / "t", name, says="the output of --tiles")
+    refused(tmp_path, *town, "--streets", "-o", tmp_path / "t.fgb", says="streets cannot go into")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "other").touch()
+    tiles = ("-o", path, "--tiles", tmp_path / "full", "--tile", 32)
+    refused(tmp_path, "grow", genome_file, *SIZE, *tiles, says="holds other files")
+    refused(tmp_path, *grown, "--roofs", says="--roofs is given without")
+    grown = ("grow", genome_file, *SIZE, "-o", tmp_path / "t.city.json")
+    refused(tmp_path, *grown, "--lod", "afar", says='level of detail "afar"')
+    large = ("--width", 8192, "--height", 8192, "--tiles", tmp_path / "t")
+    refused(tmp_path, "grow", genome_file, *large, says="too large for tiles")

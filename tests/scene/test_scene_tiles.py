@@ -1,0 +1,269 @@
+"""Tiles of scenes: they meet exactly, hold each building once, and have a valid tileset.
+
+`3d-tiles-1.1.schema.json` beside this holds schemas of the 3D Tiles specification by Cesium GS,
+https://github.com/CesiumGS/3d-tiles, without their descriptions. Their licence is CC BY 4.0.
+"""
+
+import functools
+import json
+from pathlib import Path
+
+import jsonschema_rs
+import numpy as np
+import parsed
+import pytest
+import shapely
+from towns import draw_town
+
+import evocity
+from evocity.citymap import CityMap
+from evocity.errors import MapError
+from evocity.formats.kerbs import kerb_edges, kerbs_near
+from evocity.formats.materials import is_surface
+from evocity.scene import write_tiles
+from evocity.scene.cutting import cut_surfaces
+from evocity.scene.tiles import globe_transform
+from evocity.views.surfaces import KINDS
+
+BASE = "https://schemas.example/"
+SIDE = 48
+
+
+@functools.cache
+def schema():
+    text = (Path(__file__).parent / "3d-tiles-1.1.schema.json").read_text(encoding="utf-8")
+    schemas = json.loads(text)["schemas"]
+    registry = jsonschema_rs.Registry([(BASE + name, one) for name, one in schemas.items()])
+    draft = "https://json-schema.org/draft/2020-12/schema"
+    whole = {"$schema": draft, "$ref": BASE + "tileset.schema.json"}
+    return jsonschema_rs.validator_for(whole, registry=registry)
+
+
+@functools.cache
+def town() -> CityMap:
+    town = draw_town(5, side=96)
+    return town.replace(town.heights, origin=(842000.0, 6520000.0), crs="EPSG:2154")
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    scene = evocity.scene(town(), streets=True)
+    folder = tmp_path_factory.mktemp("tiles") / "town"
+    return scene, folder, write_tiles(scene, folder, SIDE)
+
+
+def solids_of(folder: Path) -> list[tuple]:
+    """The solids of all CityJSONSeq files: id, class, height and footprint, in millimetres."""
+    found = []
+    for path in sorted(folder.glob("*/*.city.jsonl")):
+        head, *features = map(json.loads, path.read_text(encoding="utf-8").splitlines())
+        assert head["type"] == "CityJSON"
+        assert head["CityObjects"] == {}
+        assert head["vertices"] == []
+        for feature in features:
+            assert feature["type"] == "CityJSONFeature"
+            ((name, own),) = feature["CityObjects"].items()
+            assert feature["id"] == name
+            (geometry,) = own["geometry"]
+            vertices = np.array(feature["vertices"])
+            if geometry["type"] == "Solid":
+                shell, *holes = (vertices[ring][:, :2] for ring in geometry["boundaries"][0][0])
+                plan = shapely.normalize(shapely.Polygon(shell, holes))
+                about = own["attributes"]
+                found.append((about.get("id"), about["class"], vertices[:, 2].max(), plan.wkb))
+    return found
+
+
+def open_borders(folder: Path, level: str, lines: list[float]) -> int:
+    """Join the ground of all tiles, and count edges on the ``lines`` without a partner."""
+    parts = []
+    for path in sorted((folder / level).glob("*.glb")):
+        found = parsed.read(path)
+        parts += [found[name] for name in found if name in KINDS]
+    ground = np.concatenate(parts).astype(np.float32)
+    points, index = np.unique(ground.reshape(-1, 3), axis=0, return_inverse=True)
+    index = index.reshape(-1, 3)
+    edges = np.concatenate([index[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
+    way, back = (edges[:, a] * len(points) + edges[:, b] for a, b in ((0, 1), (1, 0)))
+    begin, end = (points[edges[~np.isin(way, back)]][:, k] for k in (0, 1))
+    on = [(begin[:, k] == line) & (end[:, k] == line) for k in (0, 1) for line in lines]
+    return int(np.logical_or.reduce(on).sum())
+
+
+def test_each_building_is_in_one_tile_as_a_whole(written):
+    scene, folder, facts = written
+    expected = []
+    for group in scene.groups:
+        if is_surface(group):
+            continue
+        ids = group.attributes.get("id", [None] * len(group))
+        for own, polygon, height in zip(ids, group.polygons, group.heights, strict=True):
+            plan = shapely.normalize(shapely.transform(polygon, lambda p: np.round(p * 1000)))
+            expected.append((own, group.name, round(height * 1000), plan.wkb))
+    assert sorted(solids_of(folder), key=str) == sorted(expected, key=str)
+    assert facts["buildings"]["1.3"] == len(scene.walls)
+
+
+@pytest.mark.parametrize("level", ["1.3", "1.2", "1.0", "afar"])
+def test_tiles_meet_without_open_edges(written, level):
+    scene, folder, facts = written
+    assert open_borders(folder, level, [SIDE * 2.0]) == 0
+    ground = sum(
+        shapely.area(shapely.polygons(parsed.read(path)[name])).sum()
+        for path in (folder / level).glob("*.glb")
+        for name in parsed.read(path)
+        if name in KINDS
+    )
+    surfaces = [group.polygons for group in scene.groups if is_surface(group)]
+    own = {"1.3": shapely.area(np.concatenate(surfaces)).sum(), "afar": 192.0**2}
+    assert ground == pytest.approx(own.get(level, ground), rel=1e-6)
+    assert len(list((folder / level).glob("*.glb"))) == facts["tiles"] == 4
+
+
+def test_the_tileset_keeps_to_its_schema_and_laws(written):
+    _, folder, facts = written
+    document = json.loads((folder / "tileset.json").read_text(encoding="utf-8"))
+    assert [str(error) for error in schema().iter_errors(document)] == []
+    assert [str(error) for error in schema().iter_errors(document | {"root": {}})] != []
+    assert document["asset"]["version"] == "1.1"
+    assert document["geometricError"] > document["root"]["geometricError"]
+    files = []
+
+    def check(tile, turn):
+        middle, half = np.array(tile["boundingVolume"]["box"][:3]), half_axes(tile)
+        if "content" in tile:
+            files.append(tile["content"]["uri"])
+            points = np.concatenate(list(parsed.read(folder / files[-1]).values())).reshape(-1, 3)
+            assert (points >= middle - half - 1e-4).all()
+            assert (points <= middle + half + 1e-4).all()
+        for child in tile.get("children", []):
+            assert child["geometricError"] < tile["geometricError"]
+            low = np.array(child["boundingVolume"]["box"][:3]) - half_axes(child)
+            high = np.array(child["boundingVolume"]["box"][:3]) + half_axes(child)
+            assert (low >= middle - half - 1e-9).all()
+            assert (high <= middle + half + 1e-9).all()
+            check(child, turn)
+        if "children" not in tile:
+            assert tile["geometricError"] == 0
+
+    check(document["root"], None)
+    assert sorted(files) == sorted(
+        str(path.relative_to(folder).as_posix()) for path in folder.glob("*/*.glb")
+    )
+    own = document["extras"]["evocity"]
+    assert (own["tile"], own["rows"], own["columns"]) == (SIDE, 2, 2)
+    assert own["levels"] == facts["levels"] == ["1.3", "1.2", "1.0", "afar"]
+    held = [path for path in folder.rglob("*") if path.is_file()]
+    assert len(held) == facts["files"]
+    assert sum(path.stat().st_size for path in held) == facts["bytes"]
+
+
+def half_axes(tile) -> np.ndarray:
+    return np.array(tile["boundingVolume"]["box"])[[3, 7, 11]]
+
+
+def test_coarser_levels_have_fewer_triangles(written):
+    counts = list(written[2]["triangles"].values())
+    assert counts == sorted(counts)
+    assert sum(written[2]["buildings"].values()) > 0
+
+
+def test_a_margin_gives_the_buildings_of_the_whole(tmp_path):
+    city = draw_town(7, side=128)
+    write_tiles(evocity.scene(city), tmp_path / "whole", 64)
+    inner = city.replace(city.heights[:, :96])
+    write_tiles(evocity.scene(inner), tmp_path / "part", 32, margin=32, levels=["1.3"])
+    whole = {own[1:] for own in solids_of(tmp_path / "whole")}
+    # the part's corner lies 32 px, 64 m, to the north-east
+    moved = set()
+    for _, name, high, plan in solids_of(tmp_path / "part"):
+        polygon = shapely.transform(shapely.from_wkb(plan), lambda points: points + 64000)
+        if polygon.bounds[2] < 96 * 2000 - 2000:
+            moved.add((name, high, shapely.normalize(polygon).wkb))
+    assert moved
+    assert moved <= whole
+
+
+def test_cut_surfaces_share_points_and_keep_their_area():
+    rng = np.random.default_rng(3)
+    points = shapely.MultiPoint(rng.random((40, 2)) * 90 + 5)
+    cells = shapely.get_parts(shapely.voronoi_polygons(points, extend_to=shapely.box(0, 0, 96, 96)))
+    cells = shapely.intersection(cells, shapely.box(0, 0, 96, 96))
+    found = cut_surfaces(np.array(cells, object), [0.0, 32.0, 64.0, 96.0], [0.0, 48.0, 96.0])
+    assert len(found) == 6
+    every = np.concatenate([polygons for polygons, _ in found.values()])
+    assert shapely.area(every).sum() == pytest.approx(96**2)
+    assert shapely.coverage_is_valid(every)
+    for polygons, of in found.values():
+        assert (shapely.area(polygons) <= shapely.area(cells[of]) + 1e-9).all()
+
+
+def test_the_globe_is_below_the_tiles():
+    matrix = np.array(globe_transform("EPSG:2154", (842000.0, 6520000.0))).reshape(4, 4).T
+    from pyproj import Transformer
+
+    to = Transformer.from_crs("EPSG:2154", "EPSG:4979", always_xy=True)
+    lon, lat = to.transform(842000.0 + 300, 6520000.0 + 200)
+    globe = Transformer.from_crs(4979, 4978, always_xy=True)
+    expected = globe.transform(lon, lat, 40.0)
+    assert (matrix @ (300, 200, 40, 1))[:3] == pytest.approx(expected, abs=0.05)
+    assert globe_transform(None, (0.0, 0.0)) is None
+
+
+def test_bad_input_leaves_folders_as_they_were(tmp_path):
+    scene = evocity.scene(town())
+    with pytest.raises(MapError, match="tiles of 40 px do not divide the map of 96 × 96 px"):
+        write_tiles(scene, tmp_path / "t", 40)
+    for side in (0, 8, 2.5, True):
+        with pytest.raises(MapError, match="side"):
+            write_tiles(scene, tmp_path / "t", side)
+    with pytest.raises(MapError, match="finer than the scene"):
+        write_tiles(evocity.scene(town(), lod="1.0"), tmp_path / "t", 48, levels=["1.3"])
+    with pytest.raises(MapError, match="no such folder"):
+        write_tiles(scene, tmp_path / "no" / "t", 48)
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "letter.txt").write_text("mine", encoding="utf-8")
+    with pytest.raises(MapError, match="other files"):
+        write_tiles(scene, tmp_path / "other", 48)
+    assert [path.name for path in (tmp_path / "other").iterdir()] == ["letter.txt"]
+
+
+def test_tiles_of_the_coarsest_level_have_no_cityjson(tmp_path):
+    facts = write_tiles(evocity.scene(town(), lod="afar"), tmp_path / "t", 48)
+    assert facts["levels"] == ["afar"]
+    assert not list(tmp_path.rglob("*.city.jsonl"))
+    assert facts["files"] == len([path for path in tmp_path.rglob("*") if path.is_file()])
+
+
+def test_kerbs_near_a_tile_are_those_of_all_kerbs():
+    (street,) = (group for group in evocity.scene(town(), streets=True).groups if group.level)
+    near = kerbs_near(street.kerbs, np.array(street.polygons[0].bounds))
+    own = street.take(np.array([0]))
+    rings = own.rings
+    everywhere = kerb_edges(rings.points, rings.after, street.kerbs)
+    assert len(everywhere)
+    assert shapely.get_num_geometries(near) < shapely.get_num_geometries(street.kerbs)
+    np.testing.assert_array_equal(kerb_edges(rings.points, rings.after, near), everywhere)
+
+
+@pytest.mark.parametrize("how", [{"storeys": 4.0}, {"sources": "all"}])
+def test_scenes_with_other_options_have_other_digests(tmp_path, how):
+    if "sources" in how:
+        how = {"sources": ["Lyon"] * len(town().buildings)}
+    write_tiles(evocity.scene(town()), tmp_path / "t", SIDE, levels=["1.0"])
+    with pytest.raises(MapError, match="tiles of another fabric"):
+        write_tiles(evocity.scene(town(), **how), tmp_path / "t", SIDE, levels=["1.0"])
+
+
+def test_a_folder_of_another_fabric_is_refused(tmp_path):
+    scene = evocity.scene(town(), lod="1.0")
+    facts = write_tiles(scene, tmp_path / "t", 96)
+    assert facts["levels"] == ["1.0", "afar"]
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*.*") if path.is_file()}
+    assert write_tiles(scene, tmp_path / "t", 96) == facts
+    other = town().replace(town().heights + np.float32(3))
+    for wrong, side in ((evocity.scene(other, lod="1.0"), 96), (scene, 48)):
+        with pytest.raises(MapError, match="tiles of another fabric"):
+            write_tiles(wrong, tmp_path / "t", side)
+    assert {p: p.read_bytes() for p in tmp_path.rglob("*.*") if p.is_file()} == before

@@ -1,0 +1,152 @@
+"""Ground covers: laws of one coverage on any map, and squares, courts, kerbs and water on drawn
+ones."""
+
+import sys
+from pathlib import Path
+
+import naive
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from evocity import CityMap, read_map
+from evocity.views.streets.facades._kernels import distances_along
+from evocity.views.surfaces import KINDS
+from evocity.views.surfaces.faces import segments_of
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+
+
+def check(city: CityMap, cover) -> None:
+    """One valid coverage of the whole map, on a grid of 1 cm."""
+    polygons = np.concatenate([cover.buildings, cover.surfaces])
+    assert shapely.is_valid(polygons).all()
+    assert set(cover.kinds) <= set(KINDS)
+    assert ((cover.squares >= 0) == (cover.kinds == "square")).all()
+    assert ((cover.streets != "") == (cover.kinds == "street")).all()
+    if not cover.kept.all():
+        return
+    assert shapely.coverage_is_valid(polygons)
+    assert shapely.area(polygons).sum() == pytest.approx(city.area, rel=1e-9)
+    points = shapely.get_coordinates(polygons) / cover.grid
+    assert points == pytest.approx(np.round(points), abs=1e-6)
+    bits, _ = segments_of(polygons)
+    assert np.hypot(*(bits[:, 1] - bits[:, 0]).T).min() >= cover.grid * (1 - 1e-6)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    shape=st.tuples(st.integers(1, 40), st.integers(1, 40)),
+    pixel=st.sampled_from([0.1, 0.5, 2.0, 10.0]),
+    part=st.booleans(),
+)
+def test_any_map_is_one_coverage(seed, shape, pixel, part):
+    rng = np.random.default_rng(seed)
+    noise = ndimage.gaussian_filter(rng.normal(size=shape), rng.choice([0.0, 1.0, 3.0]))
+    heights = np.where(noise > np.quantile(noise, rng.choice([0.2, 0.5, 0.9])), 9.0, 0.0)
+    site = None
+    if part:
+        site = ndimage.gaussian_filter(rng.normal(size=shape), 2) > -0.05
+        site[shape[0] // 2, shape[1] // 2] = True
+    city = CityMap(heights, pixel, site=site)
+    water = city.open_ground & (noise < np.quantile(noise, 0.1)) if seed % 2 else None
+    check(city, city.ground_cover(water=water))
+
+
+@pytest.mark.parametrize("built", [False, True])
+def test_maps_without_streets_have_a_ground(built):
+    city = CityMap(np.full((32, 40), 9.0 * built), 2.0)
+    cover = city.ground_cover()
+    check(city, cover)
+    assert len(cover.buildings) == built
+    assert built == (len(cover) == 0)
+
+
+@pytest.mark.parametrize("name", ["lyon-1er", "montpellier-pas-du-loup"])
+def test_real_towns_are_one_coverage(name):
+    city = read_map(name)
+    cover = city.ground_cover()
+    assert cover.kept.all()
+    check(city, cover)
+    assert {"street", "pavement", "square", "court"} <= set(cover.kinds)
+    squares = cover.surfaces[cover.kinds == "square"]
+    bits, _ = segments_of(squares)
+    way = bits[:, 1] - bits[:, 0]
+    along = np.minimum(*np.abs(way).T) < 0.02
+    assert np.hypot(*way[along].T).sum() < 0.25 * np.hypot(*way.T).sum()
+    # a footprint moves by the grid only
+    south_west = np.array(city.north_west) - (0, city.shape[0] * city.metres_per_pixel)
+    walls = shapely.transform(np.array(city.walls.polygons), lambda p: p - south_west)
+    away = shapely.hausdorff_distance(cover.buildings, walls)
+    assert away.max() < 0.02
+
+
+def crossing(side: int = 80, wide: int = 8) -> CityMap:
+    """Four blocks of houses about two streets of 16 m, with a court in each."""
+    heights = np.full((side, side), 12.0)
+    middle = slice((side - wide) // 2, (side + wide) // 2)
+    heights[middle] = heights[:, middle] = 0
+    for y in (10, side - 20):
+        for x in (10, side - 20):
+            heights[y : y + 10, x : x + 10] = 0
+    return CityMap(heights, 2.0)
+
+
+def test_streets_have_a_carriageway_and_pavements_with_kerbs():
+    city = crossing()
+    cover = city.ground_cover()
+    check(city, cover)
+    assert np.count_nonzero(cover.kinds == "court") == 4
+    street = shapely.union_all(cover.surfaces[cover.kinds == "street"])
+    pavement = shapely.union_all(cover.surfaces[cover.kinds == "pavement"])
+    built = shapely.union_all(cover.buildings)
+    assert street.area + pavement.area == pytest.approx(city.open_ground.sum() * 4 - 4 * 400)
+    assert street.distance(built) > 0.5  # pavements are beside all houses
+    assert 0.5 < street.area / (street.area + pavement.area) < 0.8
+    frame = shapely.box(0, 0, 160, 160).boundary
+    around = shapely.difference(street.boundary, shapely.buffer(frame, 1e-6))
+    assert shapely.length(cover.kerbs) == pytest.approx(shapely.length(around), abs=0.01)
+    assert shapely.difference(around, shapely.buffer(cover.kerbs, 1e-6)).length < 1e-3
+
+
+def test_water_has_the_walls_beside_it():
+    city = crossing()
+    water = np.zeros(city.shape, bool)
+    water[36:44] = True
+    cover = city.ground_cover(water=water)
+    check(city, cover)
+    wet = shapely.union_all(cover.surfaces[cover.kinds == "water"])
+    assert wet.area == pytest.approx(water.sum() * 4, rel=0.02)
+    assert set(cover.streets[cover.kinds == "street"]) <= {"street"}
+
+
+# -- widths between façades ------------------------------------------------------------------------
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), reach=st.sampled_from([0.0, 3.0, 40.0]))
+def test_rays_end_where_their_twins_do(seed, reach):
+    rng = np.random.default_rng(seed)
+    shape = rng.integers(1, 20, 2)
+    ground = rng.choice([0, 0, 0, 0, 1, 2], shape).astype(np.uint8)
+    turn = rng.uniform(0, 2 * np.pi, 30)
+    ways = np.column_stack([np.sin(turn), np.cos(turn)])
+    ways[:4] = [[1, 0], [-1, 0], [0, 1], [0, -1]]
+    starts = rng.uniform(-0.5, shape - 0.5, (30, 2))
+    found = np.empty(30)
+    distances_along(ground, starts, ways, reach, found)
+    expected = naive.distances_along(ground, starts, ways, reach)
+    assert found == pytest.approx(expected, abs=2e-3)
+
+
+@pytest.mark.parametrize("name", ["lyon-1er", "new-york-west-village"])
+def test_widths_are_those_between_walls_of_the_source(name):
+    street_widths = pytest.importorskip("_street_widths")
+    told = street_widths.errors(*street_widths.bundled(name, 1.0))
+    assert told["edges"] > 30
+    assert told["mean"] <= 3.0
+    assert told["median"] <= 1.0
