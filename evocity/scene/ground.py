@@ -10,23 +10,12 @@ import shapely
 from evocity.citymap import CityMap
 from evocity.formats import Group
 from evocity.formats.kerbs import KERB
-from evocity.formats.materials import surface_colour
+from evocity.formats.materials import GROUND, surface_colour
 from evocity.scene.noding import without_nodes
 from evocity.views.buildings import outlines
 from evocity.views.connected_components import pieces
 from evocity.views.surfaces import KINDS
 from evocity.views.walls import Walls
-
-#: CityJSON's types of the kinds of ground.
-CITY_OBJECTS = {
-    "ground": "LandUse",
-    "street": "Road",
-    "pavement": "Road",
-    "square": "TransportSquare",
-    "court": "LandUse",
-    "green": "PlantCover",
-    "water": "WaterBody",
-}
 
 
 class Ground(NamedTuple):
@@ -86,4 +75,4 @@ def paved_ground(
 
 def _group(kind: str, polygons: np.ndarray) -> Group:
     colour, heights = surface_colour(kind), np.zeros(len(polygons))
-    return Group(kind, colour, polygons, heights, city_object=CITY_OBJECTS[kind])
+    return Group(kind, colour, polygons, heights, city_object=GROUND[kind])

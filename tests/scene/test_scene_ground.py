@@ -16,7 +16,6 @@ import evocity
 from evocity.errors import MapError
 from evocity.formats.materials import GROUND, MATERIALS, is_surface
 from evocity.formats.solids import WALL
-from evocity.scene.ground import CITY_OBJECTS
 from evocity.scene.noding import join_nodes
 from evocity.views.surfaces import KINDS
 
@@ -128,7 +127,6 @@ def test_kerbs_stay_in_another_reference_system():
 def test_each_kind_of_ground_has_a_type_and_a_material():
     assert tuple(GROUND) == KINDS
     assert set(KINDS) <= set(MATERIALS)
-    assert CITY_OBJECTS == GROUND
 
 
 def test_water_is_a_surface(tmp_path):

@@ -21,7 +21,7 @@ from evocity.views.surfaces.regions import lane_region, square_regions, street_r
 from evocity.views.walls import Walls
 from evocity.views.walls.coverage import find_pinched
 
-#: Kinds of ground, in the order of surfaces. Ground is what is none of the others.
+#: Kinds of surfaces, in their order. The kind "ground" holds the rest.
 KINDS = ("ground", "street", "pavement", "square", "court", "green", "water")
 #: Grid of all corners, metres; a smaller one for pixels of less than 25 times this.
 GRID = 0.01
