@@ -8,6 +8,7 @@ import numpy as np
 from click.testing import CliRunner, Result
 from towns import draw_town
 
+import evocity
 from evocity.cli import main
 from evocity.fitness import registry
 
@@ -74,3 +75,16 @@ def write_recipe(folder: Path, **replaced: str) -> Path:
     path = folder / "towns.toml"
     path.write_text("\n".join(lines) + "\n")
     return path
+
+
+def run_of_two_towns(folder: Path) -> Path:
+    """Make a run: the first population of two towns that lie in two places."""
+    recipe = evocity.Recipe(
+        parents=["lyon-1er", "montpellier-pas-du-loup"],
+        map={"pixels": 32, "metres_per_pixel": 16.0},
+        fitness=["alignment"],
+        run={"population": 4, "generations": 0, "name": "two"},
+    )
+    with evocity.Search(recipe, out=folder, workers=0) as search:
+        list(search)
+    return folder

@@ -6,7 +6,7 @@ import zipfile
 import geopandas
 import pytest
 import rasterio
-from cli_tools import call, refused
+from cli_tools import call, refused, run_of_two_towns
 from pyproj import CRS
 
 import evocity
@@ -22,17 +22,7 @@ def genome(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """A first population of two towns that lie in two places."""
-    recipe = evocity.Recipe(
-        parents=["lyon-1er", "montpellier-pas-du-loup"],
-        map={"pixels": 32, "metres_per_pixel": 16.0},
-        fitness=["alignment"],
-        run={"population": 4, "generations": 0, "name": "two"},
-    )
-    folder = tmp_path_factory.mktemp("runs") / "two"
-    with evocity.Search(recipe, out=folder, workers=0) as search:
-        list(search)
-    return folder
+    return run_of_two_towns(tmp_path_factory.mktemp("runs") / "two")
 
 
 @pytest.mark.parametrize("command", ["scene", "decode", "grow", "keep"])

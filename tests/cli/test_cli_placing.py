@@ -5,24 +5,14 @@ import zipfile
 
 import numpy as np
 import pytest
-from cli_tools import call, refused
+from cli_tools import call, refused, run_of_two_towns
 
 import evocity
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """A first population of two towns that lie in two places."""
-    recipe = evocity.Recipe(
-        parents=["lyon-1er", "montpellier-pas-du-loup"],
-        map={"pixels": 32, "metres_per_pixel": 16.0},
-        fitness=["alignment"],
-        run={"population": 4, "generations": 0, "name": "two"},
-    )
-    folder = tmp_path_factory.mktemp("runs") / "two"
-    with evocity.Search(recipe, out=folder, workers=0) as search:
-        list(search)
-    return folder
+    return run_of_two_towns(tmp_path_factory.mktemp("runs") / "two")
 
 
 @pytest.mark.parametrize("town", [0, 1])
