@@ -646,18 +646,32 @@ def first_walls(built, ground, start, ray, reach):
     return distances
 
 
-def distances_along(ground, starts, ways, reach):
-    """How far each ray runs to the first wall's pixel, by small steps; −1 for none."""
-    step, distances = 1e-3, []
-    for (y, x), (down, along) in zip(starts.tolist(), ways.tolist(), strict=True):
+def distances_along(ground, lines, starts, ways, own, reach):
+    """How far each ray runs to the first wall's pixel; −1 for none, or another line before. Between
+    two sides of pixels that a ray crosses, its middle lies in one pixel."""
+    distances = []
+    rows, columns = ground.shape
+    for (y, x), (down, along), number in zip(
+        starts.tolist(), ways.tolist(), own.tolist(), strict=True
+    ):
         distances.append(-1.0)
-        for far in np.arange(0, reach + step, step):
-            row, column = math.floor(y + far * down + 0.5), math.floor(x + far * along + 0.5)
-            inside = 0 <= row < ground.shape[0] and 0 <= column < ground.shape[1]
-            if not inside or ground[row, column] == 2:
+        sides = [
+            (side - at) / step
+            for at, step, most in ((y, down, rows), (x, along, columns))
+            for side in np.arange(-1, most + 1) + 0.5
+            if step
+        ]
+        begins = [0.0, *sorted(far for far in sides if far > 0)]
+        for far, next_far in itertools.pairwise([*begins, begins[-1] + 1]):
+            middle = (far + next_far) / 2
+            row, column = math.floor(y + middle * down + 0.5), math.floor(x + middle * along + 0.5)
+            inside = 0 <= row < rows and 0 <= column < columns
+            if far > reach or not inside or ground[row, column] == 2:
                 break
             if ground[row, column] == 1:
                 distances[-1] = far
+                break
+            if lines[row, column] not in (0, number):
                 break
     return distances
 

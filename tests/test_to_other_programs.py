@@ -6,8 +6,11 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cli_tools import call
+
+import evocity
 
 PAGE = Path(__file__).parent.parent / "docs" / "to-other-programs.md"
 BLENDER = shutil.which("blender")
@@ -130,6 +133,26 @@ def test_blender_opens_the_scene_as_the_page_says(written):
     assert 5 < float(highest) < 60
 
 
+SYSTEMS = """
+from qgis.core import QgsApplication, QgsRasterLayer, QgsVectorLayer
+app = QgsApplication([], False)
+app.initQgis()
+heights, buildings = QgsRasterLayer("a.tif", "heights"), QgsVectorLayer("a.gpkg", "a", "ogr")
+assert heights.isValid() and heights.crs().isValid()
+assert heights.crs() == buildings.crs(), (heights.crs().toWkt(), buildings.crs().toWkt())
+print(buildings.crs().description())
+"""
+
+
+def ask_qgis(folder: Path, script: Path) -> subprocess.CompletedProcess:
+    settings = {"QT_QPA_PLATFORM": "offscreen", "HOME": str(folder), "LC_ALL": "C.UTF-8"}
+    settings["XDG_RUNTIME_DIR"] = str(folder)
+    return subprocess.run(
+        (SYSTEM_PYTHON, script), cwd=folder, capture_output=True, text=True, env=settings,
+        timeout=240,
+    )  # fmt: skip
+
+
 def has_qgis() -> bool:
     if not Path(SYSTEM_PYTHON).exists():
         return False
@@ -144,14 +167,23 @@ def test_qgis_opens_the_layers_as_the_page_says(written):
     (block,) = blocks("python qgis")
     script = written / "layers.py"
     script.write_text(block + CHECKED, encoding="utf-8")
-    settings = {"QT_QPA_PLATFORM": "offscreen", "HOME": str(written), "LC_ALL": "C.UTF-8"}
-    settings["XDG_RUNTIME_DIR"] = str(written)
-    told = subprocess.run(
-        (SYSTEM_PYTHON, script), cwd=written, capture_output=True, text=True, env=settings,
-        timeout=240,
-    )  # fmt: skip
+    told = ask_qgis(written, script)
     assert told.returncode == 0, told.stderr
     assert "buildings, by height" in told.stdout
     assert re.search(r"opened \d+", told.stdout)
     assert "Warning" not in told.stderr, told.stderr
     assert "may only be partially supported" not in told.stderr
+
+
+@pytest.mark.clients
+def test_files_without_a_place_have_one_system_in_qgis(tmp_path):
+    if not has_qgis():
+        pytest.skip("QGIS is not installed")
+    heights = np.zeros((32, 32), np.float32)
+    heights[8:20, 10:24] = 9
+    for suffix in (".tif", ".gpkg"):
+        evocity.write_map(evocity.CityMap(heights, 2.0), tmp_path / f"a{suffix}")
+    (tmp_path / "systems.py").write_text(SYSTEMS, encoding="utf-8")
+    told = ask_qgis(tmp_path, tmp_path / "systems.py")
+    assert told.returncode == 0, told.stderr
+    assert "Metres from the south-west corner" in told.stdout

@@ -12,6 +12,7 @@ from _sheet import contact_sheet, save
 from PIL import Image
 
 import evocity
+from evocity.genome import building_roofs
 from evocity.operators import make
 from evocity.pictures.colours import PAPER
 from evocity.scene.picture import draw_scene
@@ -32,7 +33,9 @@ def main() -> None:
     parents = [evocity.encode(city).genome for city in cities]
     child = make("quarter_fusion")(parents, np.random.default_rng(3))
     scenes = [evocity.scene(city, roofs=True) for city in cities]
-    scenes.append(evocity.scene(evocity.decode(child).city, roofs=True))
+    bred = evocity.decode(child).city
+    given = building_roofs(bred, child)
+    scenes.append(evocity.scene(bred, roofs=True, given_roofs=given))
     titles = [*names, "a child of both"]
     near = [(title, part(scene)) for title, scene in zip(titles, scenes, strict=True)]
     above = [(shares(scene), plan(scene)) for scene in scenes]

@@ -12,7 +12,7 @@ import numpy as np
 from evocity.analysis.births import Births
 from evocity.citymap import CityMap
 from evocity.errors import MapError, RunError, keyword, plain_text, setting, spell
-from evocity.genome import Genome
+from evocity.genome import Genome, building_roofs
 from evocity.html_display import Displayed
 from evocity.store import Birth, Header, RunLog, Source
 
@@ -161,7 +161,7 @@ class Individual(Displayed):
         """Its genome. Raises `RunError` if it was never bred."""
         if self.birth.genome is None:
             return self.run.genome(self.id)  # bred again, or raises
-        return self.birth.genome
+        return self.run.with_roofs(self.birth.genome)
 
     @cached_property
     def city(self) -> CityMap:
@@ -249,12 +249,13 @@ class Individual(Displayed):
 
     @property
     def _scene_facts(self) -> dict[str, Any]:
-        """Scores, and the source city of each building of a fabric."""
+        """Scores, and of each building of a fabric its source city and its roof."""
         from evocity.fitness.heredity import building_sources
 
         facts: dict[str, Any] = {"measures": self.scores}
         if isinstance(self.genome, Genome):
             facts["sources"] = building_sources(self.city, self.genome)
+            facts["given_roofs"] = building_roofs(self.city, self.genome)
         return facts
 
     def save(self, path: str | os.PathLike, at: str | None = None, crs: str | None = None) -> None:

@@ -1,6 +1,5 @@
 """`evocity decode`: the map of a genome."""
 
-import shlex
 from pathlib import Path
 
 import click
@@ -12,8 +11,8 @@ from evocity.cli.shared.inputs import (
     decode_genome,
     fabric_in,
     genome_of,
-    is_run,
     name_decoded,
+    note_nowhere,
     place_at,
     warn_unconverged,
 )
@@ -26,7 +25,7 @@ from evocity.cli.shared.options import (
     option,
     output_option,
 )
-from evocity.cli.shared.terminal import describe, echo, note, note_compiling
+from evocity.cli.shared.terminal import describe, echo, note_compiling
 from evocity.errors import EvocityError
 
 # Suffixes of files that have a place on Earth.
@@ -124,8 +123,8 @@ def decode(
     name = name_decoded(city.name, code, genome, identifier) + filtered
     city = city.replace(city.heights, name=name)
     evocity.write_map(city, output, raw=raw, crs=crs)
-    if at is None and city.crs is None and is_run(genome) and output.suffix.lower() in _PLACED:
-        _note_nowhere(evocity.open_run(genome), code)
+    if output.suffix.lower() in _PLACED:
+        note_nowhere(genome, code, city)
     for line in (describe(city), *facts, f"decoded in {decoding.iterations} steps"):
         echo(line)
     echo(f"wrote {output}")
@@ -146,19 +145,6 @@ def _write_form(
     evocity.write_map(city, output, raw=raw, crs=crs)
     echo(describe(city))
     echo(f"wrote {output}")
-
-
-def _note_nowhere(run, code) -> None:
-    """Suggest --at for a map without a place, whose source cities lie in several places."""
-    from evocity.analysis.individual import ground_of
-
-    shares = dict(zip(code.cities, code.shares.tolist(), strict=True))
-    ground = ground_of(shares, run.sources())
-    if ground is not None:
-        note(
-            "the map lies nowhere on Earth, since its parents lie in several places; "
-            f"--at {shlex.quote(ground)} puts it on the ground of its main parent"
-        )
 
 
 def _filter(code, name: str, f_c: float, count: str) -> tuple:

@@ -1,10 +1,9 @@
 """`evocity grow`: fabric of any size from genomes."""
 
-import contextlib
+import hashlib
 import time
-import warnings
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -22,8 +21,10 @@ from evocity.cli.shared.options import (
     parent_options,
 )
 from evocity.cli.shared.scene_options import (
+    SIDE,
     check_outputs,
     check_tile,
+    ground_option,
     lod_option,
     roofs_option,
     say_tiles,
@@ -31,14 +32,14 @@ from evocity.cli.shared.scene_options import (
     tiles_option,
     write_scene_tiles,
 )
+from evocity.cli.shared.shares import share_of
 from evocity.cli.shared.terminal import echo, print_json, progress_bar
 from evocity.errors import EvocityError
 
 #: Most pixels of what is built whole in memory (footprints, a picture, a genome): 4096².
 MOST_WHOLE = 1 << 24
-#: Strip of the fabric around tiles, pixels: buildings across the border are the same in the tiles
-#: of the next part.
-MARGIN = 128
+# Settings of a fabric, from `Growth.made`.
+_MADE = ("cell", "side_min", "side_max", "tolerance", "candidates", "turned", "streets")
 
 
 @command("""
@@ -49,7 +50,8 @@ MARGIN = 128
   evocity grow lyon-1er --width 2048 --height 2048 --streets -o along-streets.tif
   evocity grow runs/lyon-x-montpellier --id 97 --width 1024 --height 1024 -o large.parquet
   evocity grow lyon-1er --width 1024 --height 512 -o grown.glb --lod 1.2
-  evocity grow lyon-1er --width 1024 --height 1024 --tiles grown-tiles --tile 256""")
+  evocity grow lyon-1er --width 1024 --height 1024 --tiles grown-tiles --tile 256
+  evocity grow lyon-1er --width 512 --height 512 --streets --ground -o streets.glb""")
 @click.argument("genomes", metavar="GENOME|RUN|MAP...", nargs=-1, required=True)
 @option("--width", "Width of the new map, in pixels.", int, required=True)
 @option("--height", "Height of the new map, in pixels.", int, required=True)
@@ -64,6 +66,7 @@ MARGIN = 128
 @tile_option
 @lod_option
 @roofs_option
+@ground_option
 @option("--seed", "Seed of the random draws; the same seed grows the same fabric.", WHOLE, 0)
 @option(
     "--top PIXELS", "Row of the map's north-west pixel in the fabric. [original in the middle]", int
@@ -125,8 +128,9 @@ MARGIN = 128
 @parent_options
 @json_option
 def grow(
-    genomes, width, height, output: Path | None, tiles, tile, lod, roofs, seed, top, left, corner,
-    share, share_over, straight, streets, crs, identifiers, reading, coding, as_json, **sizes,
+    genomes, width, height, output: Path | None, tiles, tile, lod, roofs, ground, seed, top, left,
+    corner, share, share_over, straight, streets, crs, identifiers, reading, coding, as_json,
+    **sizes,
 ) -> None:  # fmt: skip
     """Grow an endless city fabric around a city, or between several cities.
 
@@ -144,8 +148,10 @@ def grow(
 
     With --tiles, the command writes a folder of tiles of a scene, as evocity scene does. It looks
     at a strip of the fabric around the map, so tiles of adjacent maps share their buildings. The
-    ground of these tiles and of a scene after -o is one surface, without streets. To divide the
-    ground, write a .tif, and then use evocity scene with --streets.
+    ground of these tiles and of a scene after -o is one surface. With --ground, the ground consists
+    of streets, pavements, squares and other surfaces. The folder keeps the seed and all other
+    settings, and the command refuses other settings for this folder before it grows the fabric.
+    With --crs, only the .city.jsonl files of tiles have another reference system.
 
     With --streets, the command first draws avenues and streets without end, and then fills the
     quarters between them. Each quarter shows one place of an original city, turned to the streets
@@ -177,11 +183,11 @@ def grow(
 
     from evocity.growth import grow as grow_fabric
     from evocity.io import WINDOW_WRITERS
-    from evocity.io.export.reference_systems import check_placed
+    from evocity.io.export.reference_systems import check_placed, export_system
     from evocity.io.footprint_files import is_placed, no_geojson
     from evocity.scene.roofs import level_of
 
-    suffix = _check_outputs(genomes, output, tiles, tile, lod, roofs, crs)
+    suffix = _check_outputs(genomes, output, tiles, tile, lod, roofs, ground, crs)
     lod = level_of(lod, roofs)
     if (suffix not in WINDOW_WRITERS or tiles is not None) and width * height > MOST_WHOLE:
         what = "tiles" if tiles is not None else f"a {suffix} file"
@@ -201,7 +207,7 @@ def grow(
         )
     placed = top is not None or left is not None
     check_needs("--share-over", "--top and --left", bool(share_over) and not placed)
-    shares = _share_of(share, len(genomes))
+    shares = share_of(share, len(genomes))
     codes = parents_of(genomes, identifiers, reading, coding)
     if suffix == ".geojson" and not is_placed(codes[0]):
         raise no_geojson(" × ".join(codes[0].cities))
@@ -223,14 +229,20 @@ def grow(
     if placed:
         fabric = fabric.at(*place)
     top, left = (-at for at in fabric.place)
+    settings = {"genomes": [code.digest for code in codes], "top": top, "left": left, "seed": seed}
+    settings |= {"width": width, "height": height, "share_over": list(share_over or ()) or None}
+    settings |= {"share": _spell_share(shares), "tile": tile or SIDE, "lod": lod, "ground": ground}
+    settings |= {"crs": crs} | {key: fabric.made[key] for key in _MADE if key in fabric.made}
+    check_tile(tiles, tile, height, width, settings)
+    export_system(fabric, crs, metres=tiles is not None)
     with progress_bar(f"growing {fabric.name}") as progress:
         made = {**fabric.made, **fabric.account(progress=progress)}
     seconds = time.perf_counter() - start
     made |= {"top": top, "left": left}
     if tiles is not None:  # first, because the folder may hold tiles of another fabric
-        made["tiles"] = _write_tiles(fabric, tiles, tile, lod)
+        made["tiles"] = _write_tiles(fabric, tiles, tile, lod, ground, crs=crs, settings=settings)
     if output is not None:
-        made |= _write(fabric, output, lod, crs)
+        made |= _write(fabric, output, lod, ground, crs)
     if as_json:
         keys = (
             "groups", "step", "front", "forced", "repeated", "top", "left", "cell", "side_min",
@@ -254,7 +266,7 @@ def grow(
         echo(say_tiles(made["tiles"], tiles))
 
 
-def _check_outputs(genomes, output: Path | None, tiles, tile, lod, roofs, crs) -> str:
+def _check_outputs(genomes, output: Path | None, tiles, tile, lod, roofs, ground, crs) -> str:
     """Return the suffix of the output, or raise `EvocityError`."""
     from evocity.io import WINDOW_WRITERS, WRITERS
     from evocity.io.writers import PLACED
@@ -270,6 +282,8 @@ def _check_outputs(genomes, output: Path | None, tiles, tile, lod, roofs, crs) -
     scene = _is_scene(output)
     check_needs("--lod", "a scene or --tiles", lod is not None and not (scene or tiles))
     check_needs("--roofs", "a scene or --tiles", roofs and not (scene or tiles))
+    covered = scene or tiles or output.suffix.lower() == ".gpkg"
+    check_needs("--ground", "a scene, a .gpkg file or --tiles", ground and not covered)
     if scene:
         check_format(level_of(lod, roofs), suffix_of(output) or "")
     for genome in genomes:
@@ -287,14 +301,22 @@ def _is_scene(output: Path) -> bool:
     return suffix is not None and suffix not in WRITERS
 
 
-def _write_tiles(fabric, folder: Path, tile: int | None, lod: str) -> dict:
+def _spell_share(shares) -> Any:
+    """Return shares as JSON holds them: numbers, or a digest of an array."""
+    if shares is None or isinstance(shares, float | list):
+        return shares
+    return hashlib.sha256(repr(shares.shape).encode() + shares.tobytes()).hexdigest()
+
+
+def _write_tiles(fabric, folder: Path, tile: int | None, lod: str, ground: bool, **how) -> dict:
     """Write the tiles of a fabric; returns facts about them."""
     import evocity
+    from evocity.growth.surroundings import map_with_margin
 
-    high, wide = fabric.shape
-    around = (-MARGIN, -MARGIN, high + 2 * MARGIN, wide + 2 * MARGIN)
-    scene = evocity.scene(fabric.city(*around), lod=lod)
-    return write_scene_tiles(scene, folder, tile, MARGIN)
+    city, margin = map_with_margin(fabric)
+    roofs = fabric.building_roofs(city, -margin, -margin)
+    scene = evocity.scene(city, lod=lod, streets=ground, given_roofs=roofs)
+    return write_scene_tiles(scene, folder, tile, margin=margin, **how)
 
 
 def _quality_of(made: dict, seconds: float) -> list[str]:
@@ -319,7 +341,7 @@ def _quality_of(made: dict, seconds: float) -> list[str]:
     return lines
 
 
-def _write(fabric, output: Path, lod: str, crs: str | None) -> dict:
+def _write(fabric, output: Path, lod: str, ground: bool, crs: str | None) -> dict:
     """Write a fabric, as the suffix says; returns facts about a genome."""
     import evocity
     from evocity.io import WINDOW_WRITERS, WRITERS, write_windows
@@ -328,62 +350,16 @@ def _write(fabric, output: Path, lod: str, crs: str | None) -> dict:
         with progress_bar(f"writing {output.name}") as progress:
             write_windows(fabric, output, progress, crs)
     elif _is_scene(output):
-        evocity.scene(fabric.city(), lod=lod).write(output, crs=crs)
+        city = fabric.city()
+        roofs = fabric.building_roofs(city)
+        scene = evocity.scene(city, lod=lod, streets=ground, given_roofs=roofs)
+        scene.write(output, crs=crs)
     elif output.suffix.lower() in WRITERS:
-        evocity.write_map(fabric.city(), output, crs=crs)
+        streets = ground and output.suffix.lower() == ".gpkg"
+        evocity.write_map(fabric.city(), output, crs=crs, streets=streets)
     else:
         genome = fabric.genome()
         with report_write_errors(output):
             genome.write(output)
         return dict(genome.made)
     return {}
-
-
-def _share_of(words: Sequence[str], count: int):
-    """The value of --share: None, a number, or an array of shares."""
-    if not words:
-        return None
-    needed = 1 if count == 2 else count
-    if count == 1 or len(words) != needed:
-        raise EvocityError(
-            f"{len(words)} × --share for {count} genomes",
-            "one for two genomes; one for each of three or more",
-            "leave --share out" if count == 1 else f"give --share {needed} times",
-        )
-    shares = [_read_share(word) for word in words]
-    if needed == 1:
-        return shares[0]
-    rasters = {share.shape for share in shares if not isinstance(share, float)}
-    if len(rasters) > 1:
-        sizes = " and ".join(f"{tall} × {wide}" for tall, wide in sorted(rasters))
-        raise EvocityError(
-            f"the pictures after --share have several sizes: {sizes} px",
-            "pictures that all have the same size",
-            "scale the pictures to the same size",
-        )
-    if not rasters:
-        return shares
-    import numpy as np
-
-    return np.stack([np.broadcast_to(share, *rasters) for share in shares])
-
-
-def _read_share(word: str):
-    """A number, or a picture's shares: 0 where it is black, 1 where it is white."""
-    with contextlib.suppress(ValueError):
-        return float(word)
-    import numpy as np
-    from PIL import Image
-
-    try:
-        with warnings.catch_warnings(action="ignore"), Image.open(word) as image:
-            if image.mode.startswith("I"):  # 16 bits a pixel
-                return np.asarray(image, float) / 65535
-            return np.asarray(image.convert("L"), float) / 255
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise EvocityError(
-            f"--share {word}: {error}",
-            "a number from 0 to 1, or a picture that is black for the first genome and white for "
-            "the second genome",
-            "check the name of the picture and its format",
-        ) from error

@@ -13,6 +13,7 @@ from evocity.cli.shared.inputs import (
     genome_of,
     is_code,
     is_run,
+    note_nowhere,
     place_at,
     refuse_reading,
 )
@@ -34,9 +35,12 @@ from evocity.cli.shared.scene_options import (
     lod_option,
     roofs_option,
     say_tiles,
+    streets_option,
     tile_option,
     tiles_option,
     triangles_option,
+    water_of,
+    water_option,
     write_scene_tiles,
 )
 from evocity.cli.shared.terminal import describe, echo, note, note_compiling, print_json
@@ -44,6 +48,11 @@ from evocity.errors import EvocityError
 
 #: As `evocity.views.walls.DETAIL`, which is slow to load.
 DETAIL = 2.2
+#: Heights of eaves on some buildings, and of ridges on others.
+MIXED = "eaves and ridges"
+
+# Formats whose programs expect a place on Earth.
+_PLACED = (".city.json", ".gpkg", ".fgb", ".geoparquet")
 
 
 @command("""
@@ -52,6 +61,7 @@ DETAIL = 2.2
   evocity scene runs/lyon-x-montpellier --id 97 -o bred.glb --angles square --storeys 3
   evocity scene lyon.parquet -o level.glb --zoom 0.5 --zoom 1 --zoom 2
   evocity scene lyon-1er -o light.glb --lod 1.2
+  evocity scene lyon-1er --streets --water rivers.gpkg -o wet.glb
   evocity scene lyon-1er --tiles lyon-tiles --tile 128""")
 @click.argument("what", metavar="MAP|GENOME|RUN")
 @output_option(
@@ -112,11 +122,8 @@ DETAIL = 2.2
     "EXT_mesh_gpu_instancing.",
 )
 @roofs_option
-@flag(
-    "--streets",
-    "Add streets: as layers in a .gpkg file, and as surfaces in files of solids and pictures. A "
-    ".fgb or .geoparquet file cannot have streets.",
-)
+@streets_option
+@water_option
 @option(
     "--colours",
     "Meaning of the roof colours in a .png picture. [classes with --classes, else heights]",
@@ -142,8 +149,8 @@ DETAIL = 2.2
 @json_option
 def scene(
     what: str, output: Path | None, tiles, tile, lod, triangles, identifier, at, detail, angles,
-    storeys, least_area, zoom, classes, library, atmosphere, seed, streets, roofs, merge, instances,
-    print_side, crs, reading, as_json, **drawn,
+    storeys, least_area, zoom, classes, library, atmosphere, seed, streets, water, roofs, merge,
+    instances, print_side, crs, reading, as_json, **drawn,
 ) -> None:  # fmt: skip
     """Write a map in three dimensions: solids with floors, walls and roofs, on the ground.
 
@@ -156,6 +163,7 @@ def scene(
     With --tiles, the command writes a folder of tiles that meet exactly. A building belongs to one
     tile as a whole. Ground and streets are cut at the borders of tiles. Each tile has files of the
     level --lod and of all coarser levels, such as 1.3/0-2.glb for the first row and third column.
+    With --crs, only the .city.jsonl files have another reference system.
 
     The coordinates in the file are metres from the map's south-west corner. The file contains the
     coordinate reference system, the position of the map's south-west corner in this system, and the
@@ -170,15 +178,16 @@ def scene(
 
     from evocity.scene import SUFFIXES, check_suffix
     from evocity.scene.detail import check_format
-    from evocity.scene.export import UNPLACED
+    from evocity.scene.export import UNPLACED, cuts_attribution
     from evocity.scene.roofs import level_of
 
     check_outputs(output, tiles, tile, crs)
+    check_needs("--water", "--streets", water is not None and not streets)
     check_needs("--triangles", "-o", triangles is not None and output is None)
     if output is not None:
         check_crs(crs, output, [one for one in SUFFIXES if one not in UNPLACED])
     suffix = "" if output is None else check_suffix(output)
-    for source in filter(None, (what, classes, library and library / "objects.gpkg")):
+    for source in filter(None, (what, classes, water, library and library / "objects.gpkg")):
         if output is not None:
             check_output(output, str(source))
     level = level_of(lod, roofs) if triangles is None else ""  # which may choose a coarser level
@@ -214,14 +223,22 @@ def scene(
     written = []
     place = {} if at is None else place_at(what, at)
     for path, city, genome in _levels(what, reading, identifier, zoom, output, tiles is not None):
-        named = _sources(city, genome)
-        check_tile(tiles, tile, *city.shape)
+        named, given = _sources(city, genome), _given_roofs(city, genome)
+        check_tile(tiles, tile, *city.shape, settings={})
         city = city.replace(city.heights, **place)
-        made = evocity.scene(city, rng=np.random.default_rng(seed), sources=named, **how)
+        more = {"rng": np.random.default_rng(seed), "sources": named, "given_roofs": given}
+        made = evocity.scene(city, **more, **water_of(water, city), **how)
         _note_fitting(made)
+        if tiles is not None or suffix in _PLACED:
+            note_nowhere(what, genome, city)
+        if cuts_attribution(suffix, made.about):
+            note(
+                f"the header of the {suffix} file has no room for the whole attribution; publish "
+                "the attribution with the file, or write .3mf"
+            )
         facts = _facts(made, made.about_in(crs, suffix))
         if tiles is not None:  # first, because the folder may hold other tiles
-            facts["tiles"] = write_scene_tiles(made, tiles, tile)
+            facts["tiles"] = write_scene_tiles(made, tiles, tile, crs=crs)
         if output is not None:
             made.write(path, crs=crs, **drawn)
             facts = {"file": str(path), "bytes": path.stat().st_size} | facts
@@ -291,6 +308,13 @@ def _sources(city, genome) -> list[str]:
     return building_sources(city, genome) if isinstance(genome, Genome) else []
 
 
+def _given_roofs(city, genome):
+    """The roof of each building of a fabric, as its source cities give it; None without them."""
+    from evocity.genome import Genome, building_roofs
+
+    return building_roofs(city, genome) if isinstance(genome, Genome) else None
+
+
 def _check_glb_options(output: Path | None, suffix: str, **given: bool) -> None:
     """Raise `EvocityError` for options of .glb files with an ``output`` of another ``suffix``."""
     name_of = output.name if output else "of --tiles"
@@ -338,6 +362,8 @@ def _note_fitting(made) -> None:
 
 
 def _summary(made) -> str:
+    import numpy as np
+
     walls = made.walls
     triangles = made.triangle_count
     parts = [f"{len(walls)} buildings, {triangles} triangles"]
@@ -350,7 +376,11 @@ def _summary(made) -> str:
     if made.lod == "2.2":
         roofs = _roofs(made)
         shapes = ", ".join(f"{count} {name}" for name, count in roofs["forms"].items() if count)
-        parts.append(f"roofs: {shapes or 'none'} (heights are those of the {roofs['heights']})")
+        meaning = f"heights are those of the {roofs['heights']}"
+        if roofs["heights"] == MIXED:
+            high = np.count_nonzero(made.ridges)
+            meaning = f"heights: {high} to the ridge, {len(made.ridges) - high} to the eaves"
+        parts.append(f"roofs: {shapes or 'none'} ({meaning})")
     if made.substitution is not None:
         fitted = made.substitution.counts["fitted"]
         parts.append(f"{fitted} replaced by objects of the library, {len(walls) - fitted} not")
@@ -359,10 +389,11 @@ def _summary(made) -> str:
 
 def _roofs(made) -> dict:
     """The number of roofs of each shape, and what the heights of the map measure to."""
-    from evocity.scene.roofs import count_shapes, heights_are_ridges
+    from evocity.scene.roofs import count_shapes
 
-    ridges = heights_are_ridges(made.city.height_rules, made.city.attribution)
-    return {"forms": count_shapes(made.groups), "heights": "ridges" if ridges else "eaves"}
+    ridges = made.ridges
+    heights = ("ridges" if ridges.all() else MIXED) if ridges.any() else "eaves"
+    return {"forms": count_shapes(made.groups), "heights": heights}
 
 
 def _facts(made, about) -> dict:

@@ -1,6 +1,7 @@
 """Coding of maps as genomes, decoding of genomes, and analyses of codes.
 
 - `encode`, `partition`, `matching`, `topology`, `parameters`: from a map to a genome
+- `source_roofs`: shapes of roofs, and the meaning of heights, that a map passes to its genome
 - `decode`, `decoding_cache`, `fixed_point`, `zoom`: from a genome to a map
 - `fit`, `optimiser`: σ and β that bring the attractor closest to the map
 - `ancestry`, `autosimilarity`, `usage`: analyses of codes

@@ -14,6 +14,7 @@ from evocity.coding.fit import fit_attractor, psnr
 from evocity.coding.matching.residual import Work
 from evocity.coding.parameters import Coding, check_encoding
 from evocity.coding.partition import LEAST, Level, Partition, coarsest_leaves, leaves_within
+from evocity.coding.source_roofs import roofs_of_map
 from evocity.condensation import Condensation
 from evocity.errors import GenomeError, is_whole, keyword, setting, spell
 from evocity.genome import Genome, packed
@@ -169,6 +170,7 @@ def encode(
     made = {"operator": "encode", "domains": list(coding.domains), "reach": reach}
     if len(sides) > 1:
         made |= {"sides": list(sides), "lifs": lifs, "max_error": max_error}
+    roofs = roofs_of_map(city)
     genome = Genome(
         pavement,
         **leaves.columns,
@@ -183,6 +185,7 @@ def encode(
         made=made,
         condensation=condensation,
         settle=settle,
+        roofs={} if roofs is None else {city.name: roofs},
     )
     error = leaves.error
     if fit:

@@ -12,7 +12,7 @@
 - `facets`: flat faces with normals and texture coordinates; `trees`: trees and lamps
 - `tileset`: tilesets of 3D Tiles 1.1
 - `dxf` and `rhino`: DXF and 3DM for CAD, with the extra ``cad``; `printing`: STL and 3MF
-- `geojson_lines`: the reader of lines in GeoJSON
+- `geojson_lines`: the reader of lines in GeoJSON; `ascii_text`: text in ASCII
 """
 
 from evocity.formats.cityjson import cityjson

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from evocity.formats import _kernels
 from evocity.formats.solids import ROOF, WALL, Mesh
 
 # Steps of a normal's component within which triangles are of one flat face.
@@ -44,60 +45,33 @@ def facets(mesh: Mesh, tiles: np.ndarray) -> Facets:
 
     tiles : float64, the height of a texture's tile on the walls of each solid, metres.
     """
-    owner, roof = mesh.owner.astype(np.int64), mesh.part == ROOF
-    major = owner * 2 + roof
-    turned = np.round(mesh.normals * _STEPS).astype(np.int64) + _STEPS
-    key = ((major << 12 | turned[:, 0]) << 12 | turned[:, 1]) << 12 | turned[:, 2]
-    order = np.argsort(key, kind="stable")
-    key = key[order]
-    corners, part = mesh.triangles[order].astype(np.int64), mesh.part[order]
-    first = np.r_[True, key[1:] != key[:-1]][: len(key)]
-    face = np.cumsum(first) - 1
-    wide = max(len(mesh.points), 1)
-    pairs, index = np.unique((face[:, None] * wide + corners).ravel(), return_inverse=True)
-    of_face, points = pairs // wide, mesh.points[pairs % wide]
-    firsts = np.flatnonzero(first)
-    normal = _face_normals(mesh.points[corners], face, len(firsts))[of_face]
-    own, of_part = owner[order][firsts][of_face], part[firsts][of_face]
+    roof, count = mesh.part == ROOF, len(mesh.triangles)
+    keys = np.empty(count, np.int64)
+    major = mesh.owner.astype(np.int64) * 2 + roof
+    _kernels.keys_of_faces(mesh.points, mesh.triangles, major, _STEPS, keys)
+    keys, face = np.unique(keys, return_inverse=True)
+    # numbers that no other triangle has, which sort faster than equal ones in their order
+    order = np.argsort(face * count + np.arange(count))
+    face = face[order]
+    firsts = order[np.searchsorted(face, np.arange(len(keys)))]
+    owner, wall = mesh.owner[firsts].astype(np.int64), mesh.part[firsts] == WALL
+    index = np.empty((count, 3), np.int64)
+    used, of_face = np.empty(3 * count, np.int64), np.empty(3 * count, np.int64)
+    normals = np.zeros((len(keys), 3))
+    given = (mesh.points, mesh.triangles[order], face)
+    corners = _kernels.corners_of_faces(*given, used, index, of_face, normals)
+    points, of_face = mesh.points[used[:corners]], of_face[:corners]
+    normal, uv = np.empty((corners, 3)), np.empty((corners, 2))
+    _kernels.texture(points, of_face, normals, wall, tiles[owner], _LEVEL, normal, uv)
     return Facets(
         points=points,
         normals=normal,
-        uv=_texture(points, normal, of_face, of_part, tiles[own]),
-        owner=own,
-        triangles=index.reshape(-1, 3),
-        of=owner[order],
-        of_roof=part == ROOF,
+        uv=uv,
+        owner=owner[of_face],
+        triangles=index,
+        of=mesh.owner[order].astype(np.int64),
+        of_roof=roof[order],
     )
-
-
-def _face_normals(corners: np.ndarray, face: np.ndarray, count: int) -> np.ndarray:
-    """Return the mean normal of each of ``count`` faces, weighted by area."""
-    a, b, c = (corners[:, k] for k in range(3))
-    cross = np.cross(b - a, c - a)
-    mean = np.stack([np.bincount(face, cross[:, k], count) for k in range(3)], axis=1)
-    length = np.sqrt((mean**2).sum(axis=1, keepdims=True))
-    # a face without area has any normal of length 1
-    return np.where(length > 0, mean / np.maximum(length, 1e-300), (0.0, 0.0, 1.0))
-
-
-def _texture(
-    points: np.ndarray, normal: np.ndarray, face: np.ndarray, part: np.ndarray, tiles: np.ndarray
-) -> np.ndarray:
-    x, y, z = points.T
-    level = np.abs(normal[:, 2]) > _LEVEL
-    flat = np.sqrt(normal[:, 0] ** 2 + normal[:, 1] ** 2)
-    east, north = -normal[:, 1] / np.maximum(flat, 1e-9), normal[:, 0] / np.maximum(flat, 1e-9)
-    along = x * east + y * north
-    # up the slope: the cross product of the normal and the direction along the eaves
-    up = (y * east - x * north) * normal[:, 2] + z * flat
-    wall = part == WALL
-    unit = np.where(wall, tiles, 1.0)
-    own = np.stack([along, np.where(wall, z, up)], axis=1) / unit[:, None]
-    if len(face):
-        starts = np.flatnonzero(np.r_[True, face[1:] != face[:-1]])
-        least = np.minimum.reduceat(own[:, 0], starts)
-        own[:, 0] -= np.repeat(least, np.diff(np.r_[starts, len(face)]))
-    return np.where((level & ~wall)[:, None], np.stack([x, y], axis=1), own)
 
 
 def pair_walls(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from evocity.formats.facets import Facets, facets
-from evocity.formats.gltf_document import MOST, Document, short, shortest
+from evocity.formats.gltf_document import KINDS, MOST, Document, bounds_of, short, to_json
 from evocity.formats.gltf_properties import add_property_table
 from evocity.formats.materials import (
     TILE,
@@ -132,11 +132,11 @@ class _Writer:
         origins = np.zeros((len(self.group), 3))
         origins[owners, :2] = np.round((low + high) / 2, 3)
         meshes = self._meshes(made, origins, names)
+        extras = _extras(columns)
         nodes = []
-        for k in owners.tolist():
-            x, y, _ = origins[k].tolist()
-            value = {"name": names[k], "mesh": meshes[k], "translation": short(x, 0.0, -y)}
-            nodes.append(self.document.append("nodes", value | _extras(columns, k)))
+        for k, (x, y, _) in zip(owners.tolist(), origins[owners].tolist(), strict=True):
+            value = {"name": names[k], "mesh": meshes[k], "translation": [x, 0.0, 0.0 - y]}
+            nodes.append(self.document.append("nodes", value | {"extras": extras[k]}))
         return nodes
 
     def _copies(
@@ -144,12 +144,12 @@ class _Writer:
     ) -> list[int]:
         """Add nodes of the copies ``used``, which share the meshes of their shapes."""
         meshes = self._shapes(copies, mesh, used)
-        moves = _moves(copies)
+        moves, extras = _moves(copies), _extras(columns)
         nodes = []
         for k in used.tolist():
             value: dict[str, Any] = {"name": names[k], "mesh": meshes[int(copies.of[k])]}
             value |= {key: short(*rows[k].tolist()) for key, rows in moves.items()}
-            nodes.append(self.document.append("nodes", value | _extras(columns, k)))
+            nodes.append(self.document.append("nodes", value | {"extras": extras[k]}))
         return nodes
 
     def _instanced(self, copies: Copies, mesh: Mesh, used: np.ndarray, table) -> list[int]:
@@ -187,10 +187,11 @@ class _Writer:
     def _meshes(self, made: Facets, origins: np.ndarray, names: list[str]) -> dict[int, int]:
         """Add a mesh for each solid, in metres from its origin; their indices by solid."""
         primitives = self._primitives(made, made.points - origins[made.owner], made.owner, made.of)
-        return {
-            k: self.document.append("meshes", {"name": names[k], "primitives": own})
-            for k, own in primitives.items()
-        }
+        return {k: self._mesh(names[k], own) for k, own in primitives.items()}
+
+    def _mesh(self, name: str, primitives: list[str]) -> int:
+        text = f'{{"name":{to_json(name)},"primitives":[{",".join(primitives)}]}}'
+        return self.document.append_text("meshes", text)
 
     def merged(self, mesh: Mesh, table: int | None = None) -> int:
         """Add one mesh of all solids of a ``mesh``, with the property table ``table``."""
@@ -198,8 +199,7 @@ class _Writer:
         chunk = _chunks(made.owner)
         primitives = self._primitives(made, made.points, chunk[made.owner], chunk[made.of], table)
         listed = [one for own in primitives.values() for one in own]
-        value = {"name": self.group.name, "primitives": listed}
-        return self.document.append("meshes", value)
+        return self._mesh(self.group.name, listed)
 
     def _primitives(
         self,
@@ -208,51 +208,42 @@ class _Writer:
         corner: np.ndarray,
         triangle: np.ndarray,
         table: int | None = None,
-    ) -> dict[int, list[dict]]:
+    ) -> dict[int, list[str]]:
         """Add primitives: walls and roofs of each batch, which share their corners. The arrays
         ``corner`` and ``triangle`` are the batch of each corner and triangle, in rising order. With
         a property ``table``, corners have the number of their solid. Returns the primitives of
-        each batch."""
+        each batch, as JSON."""
         document = self.document
         numbers, starts = np.unique(corner, return_index=True)
         counts = np.diff(np.r_[starts, len(corner)])
         placed = _y_up(points)
-        at = {
-            "POSITION": document.add("POSITION", placed, "vertices"),
-            "NORMAL": document.add("NORMAL", _y_up(made.normals), "vertices"),
-            # glTF counts v downwards
-            "TEXCOORD_0": document.add(
-                "TEXCOORD_0", (made.uv * (1, -1) + 0.0).astype(np.float32), "vertices"
-            ),
-        }
-        kinds = {"POSITION": ("VEC3", 12), "NORMAL": ("VEC3", 12), "TEXCOORD_0": ("VEC2", 8)}
-        extension = ""
+        # glTF counts v downwards
+        uv = (made.uv * (1, -1) + 0.0).astype(np.float32)
+        values = {"POSITION": placed, "NORMAL": _y_up(made.normals), "TEXCOORD_0": uv}
         if table is not None:
-            extension = document.use("EXT_mesh_features")
-            ids = made.owner.astype(np.float32)
-            at["_FEATURE_ID_0"] = document.add("_FEATURE_ID_0", ids, "vertices")
-            kinds["_FEATURE_ID_0"] = ("SCALAR", 4)
-        low = shortest(np.minimum.reduceat(placed, starts))
-        high = shortest(np.maximum.reduceat(placed, starts))
+            document.use("EXT_mesh_features")
+            values["_FEATURE_ID_0"] = made.owner.astype(np.float32)
+        first = {}
+        for name, rows in values.items():
+            at, width = document.add(name, rows, "vertices"), rows[0].size
+            places = (at + starts * rows.itemsize * width).tolist()
+            bounds = bounds_of(placed, starts) if name == "POSITION" else None
+            kind = KINDS[width]
+            first[name] = document.accessors(name, places, counts.tolist(), "<f4", kind, bounds)
         batch = np.searchsorted(numbers, triangle)
         local = made.triangles - starts[batch][:, None]
         indices = self._indices(local, batch, counts < MOST, made.of_roof & self._split)
         found = {}
-        for k, (number, first, count) in enumerate(
-            zip(numbers.tolist(), starts.tolist(), counts.tolist(), strict=True)
-        ):
-            attributes = {}
-            for name, (kind, stride) in kinds.items():
-                bounds = (low[k], high[k]) if name == "POSITION" else ()
-                offset = at[name] + first * stride
-                attributes[name] = document.accessor(name, offset, count, "<f4", kind, bounds)
-            shared: dict[str, Any] = {"attributes": attributes}
+        for k, number in enumerate(numbers.tolist()):
+            attributes = ",".join([f'"{name}":{index + k}' for name, index in first.items()])
+            shared = f'"attributes":{{{attributes}}}'
             if table is not None:
-                objects = len(np.unique(made.owner[first : first + count]))
+                objects = len(np.unique(made.owner[starts[k] : starts[k] + counts[k]]))
                 feature = {"featureCount": objects, "attribute": 0, "propertyTable": table}
-                shared["extensions"] = {extension: {"featureIds": [feature]}}
+                value = {"EXT_mesh_features": {"featureIds": [feature]}}
+                shared += f',"extensions":{to_json(value)}'
             found[number] = [
-                {"indices": own, "material": self._materials[roof]} | shared
+                f'{{"indices":{own},"material":{self._materials[roof]},{shared}}}'
                 for roof, own in indices[k]
             ]
         return found
@@ -273,11 +264,12 @@ class _Writer:
                 continue
             pool, step = f"indices {kind}", 3 * int(kind[2])
             at = document.add(pool, local[own].astype(kind).ravel(), "indices")
-            parts, counts = np.unique(part[own], return_counts=True)
-            for key, count in zip(parts.tolist(), counts.tolist(), strict=True):
-                accessor = document.accessor(pool, at, 3 * count, kind, "SCALAR")
-                found[key // 2].append((key % 2, accessor))
-                at += count * step
+            parts, starts = np.unique(part[own], return_index=True)
+            counts = 3 * np.diff(np.r_[starts, np.count_nonzero(own)])
+            places = (at + starts * step).tolist()
+            first = document.accessors(pool, places, counts.tolist(), kind, "SCALAR")
+            for k, key in enumerate(parts.tolist()):
+                found[key // 2].append((key % 2, first + k))
         return found
 
 
@@ -316,9 +308,13 @@ def _moves(copies: Copies) -> dict[str, np.ndarray]:
     }
 
 
-def _extras(columns: dict[str, list], k: int) -> dict[str, dict]:
-    values = {name: column[k] for name, column in columns.items()}
-    return {"extras": {name: value for name, value in values.items() if value is not None}}
+def _extras(columns: dict[str, list]) -> list[dict[str, Any]]:
+    """Return the properties of each object, without missing values."""
+    rows = zip(*columns.values(), strict=True)
+    return [
+        {name: value for name, value in zip(columns, row, strict=True) if value is not None}
+        for row in rows
+    ]
 
 
 def _y_up(points: np.ndarray) -> np.ndarray:

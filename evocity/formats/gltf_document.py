@@ -8,8 +8,10 @@ import numpy as np
 
 # numbers of the specification
 _COMPONENTS = {"<f4": 5126, "<u2": 5123, "<u4": 5125}
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _ARRAY, _ELEMENTS = 34962, 34963
+
+#: The type of accessors by the numbers of a value.
+KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 
 #: Indices of 16 bits stay below this: it would begin a new strip.
 MOST = 2**16 - 1
@@ -23,6 +25,8 @@ class Document:
 
     def __init__(self, members: dict[str, Any]):
         self.members = members | {"accessors": [], "bufferViews": []}
+        self._texts: dict[str, list[str]] = {}
+        self._accessors: list[tuple[str, str]] = []
         self._pools: dict[str, list[bytes]] = {}
         self._filled: dict[str, int] = {}
         self._views: dict[str, dict] = {}
@@ -32,6 +36,13 @@ class Document:
         """Append ``value`` to the list ``member``, and return its index."""
         listed = self.members.setdefault(member, [])
         listed.append(value)
+        return len(listed) - 1
+
+    def append_text(self, member: str, text: str) -> int:
+        """Append a value that is JSON already to the list ``member``, all of whose values are such
+        texts; return its index."""
+        listed = self._texts.setdefault(member, [])
+        listed.append(text)
         return len(listed) - 1
 
     def use(self, extension: str, required: bool = False) -> str:
@@ -56,29 +67,37 @@ class Document:
             view["target"] = _ELEMENTS
         return at
 
-    def accessor(
-        self, pool: str, at: int, count: int, component: str, kind: str, bounds: tuple = ()
+    def accessors(
+        self,
+        pool: str,
+        places: list[int],
+        counts: list[int],
+        component: str,
+        kind: str,
+        bounds: list[str] | None = None,
     ) -> int:
-        """Add an accessor of ``count`` values at byte ``at`` of a ``pool``, and return its index.
+        """Add accessors of so many values (``counts``) from the bytes ``places`` of a ``pool`` on.
+        Return the index of the first; the others follow it.
 
         component : NumPy's name of the numbers, ``<f4``, ``<u2`` or ``<u4``.
         kind : "SCALAR", "VEC2", "VEC3" or "VEC4".
-        bounds : the least and the greatest values, two lists; or nothing.
+        bounds : JSON of the least and the greatest values of each, as of `bounds_of`; or None.
         """
-        made: dict[str, Any] = {"bufferView": pool, "componentType": _COMPONENTS[component]}
-        if at:
-            made["byteOffset"] = at
-        made |= {"count": count, "type": kind}
-        if bounds:
-            made |= {"min": bounds[0], "max": bounds[1]}
-        return self.append("accessors", made)
+        # a scene has some thousands of accessors, so each is text at once
+        begin = f'"componentType":{_COMPONENTS[component]}'
+        end = f',"type":"{kind}"'
+        first = len(self._accessors)
+        self._accessors += [
+            (pool, f'{begin},"byteOffset":{at},"count":{count}{end}{around}')
+            for at, count, around in zip(places, counts, bounds or [""] * len(counts), strict=True)
+        ]
+        return first
 
     def array(self, pool: str, array: np.ndarray, kind: str = "") -> int:
         """Add a whole ``array``, float32 ``(n, w)`` or ``(n,)``, and return the index of its
         accessor."""
-        at, wide = self.add(pool, array, kind), array[0].size
-        shape = next(name for name, width in _WIDTHS.items() if width == wide)
-        return self.accessor(pool, at, len(array), array.dtype.str, shape)
+        at, shape = self.add(pool, array, kind), KINDS[array[0].size]
+        return self.accessors(pool, [at], [len(array)], array.dtype.str, shape)
 
     def view(self, array: np.ndarray) -> int:
         """Add an ``array`` as a buffer view of its own; return a number that stays its index."""
@@ -93,22 +112,26 @@ class Document:
         for pool, parts in self._pools.items():
             index[pool] = len(views)
             _place(views, body, b"".join(parts), self._views[pool])
-        for accessor in members["accessors"]:
-            accessor["bufferView"] = index[accessor["bufferView"]]
         if self._extensions:
             members["extensionsUsed"] = list(self._extensions)
             members["extensionsRequired"] = [k for k, needed in self._extensions.items() if needed]
         body += b"\0" * (-len(body) % 4)
         members["buffers"] = [{"byteLength": len(body)}]
-        members = {key: value for key, value in members.items() if value != []}
         if not body:
             del members["buffers"]
-        text = json.dumps(members, ensure_ascii=False, separators=(",", ":")).encode()
+        rows = [f'{{"bufferView":{index[pool]},{rest}}}' for pool, rest in self._accessors]
+        texts = {key: to_json(value) for key, value in members.items()}
+        texts |= {
+            key: f"[{','.join(own)}]" for key, own in (*self._texts.items(), ("accessors", rows))
+        }
+        listed = [f'"{key}":{value}' for key, value in texts.items() if value != "[]"]
+        text = f"{{{','.join(listed)}}}".encode()
         text += b" " * (-len(text) % 4)
-        chunks = struct.pack("<I4s", len(text), b"JSON") + text
+        chunks: list[bytes | bytearray] = [struct.pack("<I4s", len(text), b"JSON"), text]
         if body:
-            chunks += struct.pack("<I4s", len(body), b"BIN\0") + bytes(body)
-        return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+            chunks += [struct.pack("<I4s", len(body), b"BIN\0"), body]
+        head = struct.pack("<4sII", b"glTF", 2, 12 + sum(map(len, chunks)))
+        return b"".join([head, *chunks])
 
 
 def _place(views: list[dict], body: bytearray, data: bytes, view: dict) -> None:
@@ -118,9 +141,18 @@ def _place(views: list[dict], body: bytearray, data: bytes, view: dict) -> None:
     body += data
 
 
-def shortest(rows: np.ndarray) -> list[list[float]]:
-    """Return float32 ``rows`` with the fewest digits that give the same numbers."""
-    return [list(map(float, row)) for row in rows.astype(np.float32).astype("U").tolist()]
+def to_json(value: Any) -> str:
+    """Write ``value`` as JSON without spaces."""
+    return json.dumps(value, ensure_ascii=False, separators=(",", ":"))
+
+
+def bounds_of(points: np.ndarray, starts: np.ndarray) -> list[str]:
+    """Return the JSON of the bounds of accessors: the least and the greatest of the float32 rows
+    ``points`` from each of ``starts`` on, with the digits that give the same numbers."""
+    both = [how.reduceat(points, starts) for how in (np.minimum, np.maximum)]
+    side = ",".join(["%.9g"] * points.shape[1])
+    template = f',"min":[{side}],"max":[{side}]'
+    return [template % tuple(row) for row in np.hstack(both).tolist()]
 
 
 def short(*numbers: float) -> list[float]:

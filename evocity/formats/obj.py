@@ -16,9 +16,8 @@ def obj(groups: Sequence[Group], about: About, materials: str = "") -> str:
 
     materials : name of the .mtl file beside it (`mtl`); without a name, the text names no file.
     """
-    notes = [f"evocity: {about.name}", about.attribution]
-    notes.append(f"offset {about.offset[0]:.3f} {about.offset[1]:.3f} {about.crs or ''}")
-    lines = [f"# {' '.join(note.split())}" for note in notes if note.strip()]
+    place = f"offset {about.offset[0]:.3f} {about.offset[1]:.3f} {about.crs or ''}"
+    lines = _comments(about, place)
     if materials:
         lines.append(f"mtllib {materials}")
     base = 1
@@ -39,7 +38,7 @@ def obj(groups: Sequence[Group], about: About, materials: str = "") -> str:
 def mtl(groups: Sequence[Group], about: About) -> str:
     """Write the text of the .mtl file of an .obj: its materials. The roughness also is an exponent
     of highlights, for programs without physical materials."""
-    lines = [f"# {' '.join(f'evocity: {about.name}'.split())}"]
+    lines = _comments(about)
     listed = (one for group in groups if len(group) for one in materials_of(group))
     for one in dict.fromkeys(listed):
         colour = " ".join(f"{channel:.4g}" for channel in one.colour)
@@ -47,6 +46,12 @@ def mtl(groups: Sequence[Group], about: About) -> str:
         lines += ["", f"newmtl {_word(one.name)}", f"Kd {colour}", "Ks 0.05 0.05 0.05"]
         lines += [f"Ns {shine:.4g}", f"Pr {one.roughness:g}", "d 1", "illum 2"]
     return "\n".join(lines) + "\n"
+
+
+def _comments(about: About, *more: str) -> list[str]:
+    """Return the name and the attribution of a scene, and ``more`` notes, as lines of comments."""
+    notes = (f"evocity: {about.name}", about.attribution, *more)
+    return [f"# {' '.join(note.split())}" for note in notes if note.strip()]
 
 
 def _faces(group: Group, mesh: Mesh, base: int) -> list[str]:

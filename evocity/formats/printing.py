@@ -13,12 +13,15 @@ import numpy as np
 import shapely
 
 from evocity.errors import MapError, check_number
+from evocity.formats.ascii_text import to_ascii
 from evocity.formats.solids import About, Group, Mesh
 
 #: The longest side of a print by default, and the thickness of its plate, millimetres.
 SIDE, PLATE = 200.0, 2.0
 #: The smallest and the largest side of a print, millimetres.
 SIDES = (10.0, 10_000.0)
+#: Bytes of the header of an STL file.
+HEADER = 80
 
 # Holes of a plate below this area, and steps of its outline, are rounding; m² and metres.
 _HOLE, _GRAIN = 1.0, 0.01
@@ -51,9 +54,15 @@ def stl(groups: Sequence[Group], about: About, side: float = SIDE) -> bytes:
     kind = [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
     table = np.zeros(len(rows), kind)
     table["normal"], table["corners"] = np.concatenate(normals), rows
-    # a head that begins with "solid" would mean text
-    head = f"evocity {about.name}".encode("ascii", "replace")[:80].ljust(80)
-    return head + np.uint32(len(rows)).astype("<u4").tobytes() + table.tobytes()
+    header = f"{stl_credit(about)}, {to_ascii(about.name)}"[:HEADER].ljust(HEADER).encode()
+    return header + np.uint32(len(rows)).astype("<u4").tobytes() + table.tobytes()
+
+
+def stl_credit(about: About) -> str:
+    """Return the attribution that the header of an STL file begins with, in ASCII. A header has
+    room for `HEADER` bytes; `stl` cuts the rest."""
+    # a header that begins with "solid" would mean text
+    return ", ".join(filter(None, ("evocity", to_ascii(about.attribution))))
 
 
 def threemf(groups: Sequence[Group], about: About, side: float = SIDE) -> bytes:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from evocity.formats.numbering import number_rows
+from evocity.formats import _kernels
 
 #: Parts of a solid to which faces belong.
 FLOOR, WALL, ROOF = 0, 1, 2
@@ -144,12 +144,15 @@ def match_corners(
     corner : float64 ``(t, 3, 2)``; own : int64 ``(t,)``, the face of each triangle.
     flat : float64 ``(p, 2)``, the points of all faces; face : int64 ``(p,)``, the face of each.
     """
-    wanted = np.column_stack([np.repeat(own, 3), corner.reshape(-1, 2)])
-    number = number_rows(np.concatenate([np.column_stack([face, flat]), wanted]))
-    known, ends = number[: len(flat)], number[len(flat) :]
-    first = np.zeros(number.max(initial=0) + 1, np.int64)
-    first[known[::-1]] = np.arange(len(known))[::-1]
-    return first[ends].reshape(-1, 3)
+    # 0 and -0 have different bits
+    rows, sought = (
+        np.column_stack([numbers, (places + 0.0).view(np.int64)])
+        for numbers, places in ((face, flat), (np.repeat(own, 3), corner.reshape(-1, 2)))
+    )
+    table = np.full(1 << max(4, (2 * len(rows)).bit_length()), -1)
+    found = np.empty(len(sought), np.int64)
+    _kernels.match_rows(rows, sought, table, found)
+    return found.reshape(-1, 3)
 
 
 def flattened(places: np.ndarray, starts: np.ndarray, part: np.ndarray) -> np.ndarray:

@@ -20,8 +20,12 @@ from evocity.formats.trees import mesh_of
 GRAIN = 1e-3
 _SCALE = f"{GRAIN} {GRAIN} {GRAIN}"
 
-# Geometries by their points and faces.
+# Geometries by their points and faces, and viewpoints by their positions.
 _VRML97 = "IndexedFaceSet{{coord Coordinate{{point[{}]}}coordIndex[{}]}}"
+_VIEWPOINT = 'Viewpoint {{ position {} orientation 1 0 0 -0.785 description "from the south" }}'
+_VIEWPOINT_X3D = (
+    '<Viewpoint position="{}" orientation="1 0 0 -0.785" description="from the south"/>'
+)
 _X3D = '<IndexedFaceSet coordIndex="{1}"><Coordinate point="{0}"/></IndexedFaceSet>'
 
 
@@ -31,7 +35,7 @@ def vrml97(groups: Sequence[Group], about: About) -> str:
     info = ", ".join(_quote(line) for line in notes if line)
     parts = ["#VRML V2.0 utf8", f"WorldInfo {{ title {_quote(about.name)} info [ {info} ] }}"]
     parts.append('NavigationInfo { type [ "EXAMINE", "WALK", "ANY" ] }')
-    parts.append(_viewpoint(about))
+    parts.append(_viewpoint(about, _VIEWPOINT))
     deep = _ground_depth(about)
     parts.append(f"Transform {{ translation 0 0 {-deep * GRAIN:.10g} scale {_SCALE} children [")
     for group, name, material, colour in _listed(groups):
@@ -69,6 +73,8 @@ def x3d(groups: Sequence[Group], about: About) -> str:
         ),
         "</head>",
         "<Scene>",
+        '<NavigationInfo type=\'"EXAMINE" "WALK" "ANY"\'/>',
+        _viewpoint(about, _VIEWPOINT_X3D),
     ]
     deep = _ground_depth(about)
     parts.append(f'<Transform translation="0 0 {-deep * GRAIN:.10g}" scale="{_SCALE}">')
@@ -99,13 +105,11 @@ def _word(text: str) -> str:
     return word if word[:1].isalpha() else f"_{word}"
 
 
-def _viewpoint(about: About) -> str:
+def _viewpoint(about: About, template: str) -> str:
+    """Fill a template of viewpoints with a point above the south of the ground."""
     wide, deep = about.size
     away = max(wide, deep)
-    return (
-        f"Viewpoint {{ position {wide / 2:.2f} {away:.2f} {0.6 * away:.2f} "
-        'orientation 1 0 0 -0.785 description "from the south" }'
-    )
+    return template.format(f"{wide / 2:.2f} {away:.2f} {0.6 * away:.2f}")
 
 
 def _ground_depth(about: About) -> int:
@@ -131,7 +135,9 @@ def _geometries(group: Group, deep: int, template: str) -> Iterator[tuple[str, s
     faces.append(np.column_stack([local[split:].reshape(-1, 3), np.full(len(threes), -1)]).ravel())
     of_face = np.concatenate([np.repeat(owner, 5), np.repeat(owners, 4)])
     order = np.argsort(of_face, kind="stable")
-    numbers = list(map(str, np.concatenate(faces)[order].tolist()))
+    # each text is made once; -1 is the last
+    texts = np.array([*map(str, range(int(local.max(initial=0)) + 1)), "-1"], object)
+    numbers = texts[np.concatenate(faces)[order]].tolist()
     ends = np.searchsorted(of_face[order], np.arange(len(group) + 1)).tolist()
     x, y, z = np.round(mesh.points[used] / GRAIN).astype(np.int64).T
     points = [

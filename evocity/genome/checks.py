@@ -1,6 +1,7 @@
 """Validation of genomes: types of the arrays, description, bounds of the nucleotides."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from evocity.condensation import Condensation
 from evocity.errors import GenomeError, is_number, spell
 from evocity.genome._kernels import in_bounds
 from evocity.genome.nucleotides import FIELDS, Nucleotide
+from evocity.genome.roofs import RoofTable
 
 
 def typed_array(name: str, values, nucleotide: Nucleotide, count: int) -> np.ndarray:
@@ -59,13 +61,16 @@ def check_description(genome) -> None:
         or (len(origin) == 2 and all(is_number(at) and math.isfinite(at) for at in origin)),
         f"condensation = {layer!r}": layer is None
         or (isinstance(layer, Condensation) and layer.shape == (p.height, p.width)),
+        f"roofs = {spell(genome.roofs)}": isinstance(genome.roofs, Mapping)
+        and all(isinstance(table, RoofTable) for table in genome.roofs.values()),
     }
     wrong = [fault for fault, right in faults.items() if not right]
     if wrong:
         raise GenomeError(
             "; ".join(wrong),
             f"a pixel size of {low:g} to {high:g} m, 1…256 names of cities, text of at most "
-            f"{MOST_ATTRIBUTION} letters, (x, y) or None, a Condensation of the map's size or None",
+            f"{MOST_ATTRIBUTION} letters, (x, y) or None, a Condensation of the map's size or "
+            "None, a RoofTable by city",
             "correct them, or encode the map again",
         )
 

@@ -14,6 +14,7 @@ from evocity.condensation import Condensation
 from evocity.errors import GenomeError, plain_text
 from evocity.genome.checks import check_bounds, check_description, typed_array
 from evocity.genome.nucleotides import FIELDS, MOST_PARENTS, NEWER, NUCLEOTIDES
+from evocity.genome.roofs import RoofTable, joined_roofs
 from evocity.genome.writer import write_genome
 from evocity.html_display import Displayed
 from evocity.pavement import Pavement
@@ -54,6 +55,9 @@ class Genome(Displayed):
     settle : whether `evocity.decode` makes roofs flat by default; `evocity.encode` sets this field
         to True. The field ``settle`` is False for codes made by hand and for codes of older
         releases.
+    roofs : the `RoofTable` of each source city whose source gives shapes of roofs, or heights of
+        ridges, by the name of the city. Only scenes use these tables. The field ``roofs`` does not
+        count in comparisons and in the `digest`.
 
     Raises
     ------
@@ -85,6 +89,7 @@ class Genome(Displayed):
     other: np.ndarray | None = None
     part: np.ndarray | None = None
     settle: bool = False
+    roofs: Mapping[str, RoofTable] = field(default_factory=dict)
 
     def __post_init__(self):
         for name, default in NEWER.items():
@@ -98,6 +103,8 @@ class Genome(Displayed):
         object.__setattr__(self, "cities", tuple(self.cities))
         object.__setattr__(self, "made", dict(self.made))
         check_description(self)
+        roofs = {name: self.roofs[name] for name in self.cities if name in self.roofs}
+        object.__setattr__(self, "roofs", roofs)
         check_bounds(self)
 
     def __setstate__(self, state: dict) -> None:
@@ -233,6 +240,7 @@ def descended(genomes: Sequence[Genome]) -> tuple[list[dict[str, np.ndarray]], d
         "origin": origin,
         "crs": crs,
         "settle": any(genome.settle for genome in genomes),
+        "roofs": joined_roofs(genomes),
     }
 
 

@@ -17,7 +17,15 @@ from evocity.condensation import Condensation
 from evocity.errors import GenomeError, spell
 from evocity.genome.genome import Genome
 from evocity.genome.nucleotides import FIELDS, NEWER, packed
-from evocity.genome.writer import CONDENSED, FORM_KEY, GENOME_KEY, LEAVES, SCHEMA_VERSIONS
+from evocity.genome.roofs import read_roofs
+from evocity.genome.writer import (
+    CONDENSED,
+    FORM_KEY,
+    GENOME_KEY,
+    LEAVES,
+    ROOFS_KEY,
+    SCHEMA_VERSIONS,
+)
 from evocity.pavement import Pavement
 from evocity.sealed_parquet import ChangedFileError, open_table
 
@@ -121,6 +129,8 @@ def genome_in(file: pq.ParquetFile, path: Path) -> Genome:
         }
         if version < 3:
             arrays["source"] = place_of(pavement, arrays["source"], about["made"])
+        if ROOFS_KEY in metadata:
+            about["roofs"] = read_roofs(json.loads(metadata[ROOFS_KEY]), about["cities"])
         return Genome(pavement, **arrays, **about)
     except GenomeError as error:
         raise GenomeError(f"{path}: {error.found}", error.expected, error.remedy) from None

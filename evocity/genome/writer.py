@@ -17,6 +17,8 @@ from evocity.sealed_parquet import write_table
 
 #: The keys of the metadata by which a file tells its kind: a fabric, or another form.
 GENOME_KEY, FORM_KEY = b"evocity.genome", b"evocity.form"
+#: The key of the roofs of source cities, which readers may leave out.
+ROOFS_KEY = b"evocity.roofs"
 #: The readable versions of the file's schema; a change that a reader must know of adds one. A
 #: genome is written in the oldest version that holds it. 2 adds a column `CONDENSED`; 3 adds
 #: columns `LEAVES` and `NEWER`, places for sources, and ``settle``.
@@ -34,13 +36,22 @@ def write_genome(genome, path: str | os.PathLike) -> None:
         name: column_of(column) if isinstance(column, np.ndarray) else column
         for name, column in columns.items()
     }
-    write_described(pa.table(arrays), GENOME_KEY.decode(), about, path)
+    roofs = {name: table.document for name, table in genome.roofs.items()}
+    more = {ROOFS_KEY.decode(): json.dumps(roofs)} if roofs else {}
+    write_described(pa.table(arrays), GENOME_KEY.decode(), about, path, more)
 
 
-def write_described(table: pa.Table, key: str, about: Mapping, path: str | os.PathLike) -> None:
+def write_described(
+    table: pa.Table,
+    key: str,
+    about: Mapping,
+    path: str | os.PathLike,
+    more: Mapping[str, str] | None = None,
+) -> None:
     """Write the ``table`` of a chromosome, with its description ``about`` as JSON under a ``key``
-    of the schema's metadata. The file has a seal. Raises `GenomeError` if writing fails."""
-    metadata = {key: json.dumps(about, default=str)}
+    of the schema's metadata, and with ``more`` entries there. The file has a seal. Raises
+    `GenomeError` if writing fails."""
+    metadata = {key: json.dumps(about, default=str), **(more or {})}
     try:
         with whole_file(path) as temporary:
             write_table(table.replace_schema_metadata(metadata), temporary)

@@ -3,6 +3,7 @@
 - `setup`, `fabric`: the function `grow` and its result
 - `plane`, `lattice`: the endless plane, and the places of groups on it
 - `quarter_plane`, `avenues`, `quarters`: the endless plane with streets, and what it consists of
+- `surroundings`: maps of a fabric with a strip around them
 - `repetition`, `shares`: windows that must not repeat, and shares of the originals
 """
 

@@ -9,10 +9,11 @@ import numpy as np
 from evocity.citymap import MAX_PIXELS, MAX_SIDE, CityMap
 from evocity.condensation import Condensation
 from evocity.errors import GenomeError, OperatorError, is_whole, keyword, setting
-from evocity.genome import Genome, Pieces, laid, merged, merged_cities
-from evocity.growth._kernels import WINDOW, window_keys
+from evocity.genome import Genome, Pieces, laid, merged, merged_cities, most_roofs, roof_codes
+from evocity.growth._kernels import WINDOW, fabric_window, window_keys
 from evocity.growth.plane import Plane, paste
 from evocity.growth.quarter_plane import QuarterPlane
+from evocity.isometries import AFFINE
 from evocity.operators.repair import collage_repair
 
 #: The largest row or column of an endless fabric, pixels.
@@ -103,6 +104,24 @@ class Growth:
             origin=self._origin_of(top, left),
             crs=self.crs,
         )
+
+    def building_roofs(self, city: CityMap, top: int = 0, left: int = 0) -> np.ndarray | None:
+        """Return the roof of each building of a ``city`` of this fabric that begins at the pixel
+        (``top``, ``left``), as `evocity.genome.building_roofs`. None if no original has roofs. In a
+        fabric with streets, the nearest cells of the originals decide."""
+        if not any(one.roofs for one in self.originals):
+            return None
+        cell, (height, width) = self.cell, city.shape
+        y, x = top - self.place[0], left - self.place[1]
+        first, west = y // cell, x // cell
+        ends = -(-(y + height) // cell), -(-(x + width) // cell)
+        brought = np.concatenate([roof_codes(one).ravel() for one in self.originals])
+        codes = np.empty((height, width), np.float32)
+        at = y - first * cell, x - west * cell
+        stones = self.plane.stones(first, west, *ends)
+        heights = brought.astype(np.float32)
+        fabric_window(stones, heights, self.plane.sides, AFFINE, cell, *at, codes)
+        return most_roofs(city, codes.astype(np.int16))
 
     def sources(
         self, top: int = 0, left: int = 0, height: int | None = None, width: int | None = None

@@ -80,6 +80,23 @@ def read_mask(place: str | os.PathLike, cities: Sequence[CityMap]) -> np.ndarray
     raise faults[0]
 
 
+def read_water(place: str | os.PathLike, city: CityMap) -> tuple[np.ndarray, str]:
+    """Read water from the file ``place``: the open ground of ``city`` that a polygon of the file or
+    a raster value above 0 covers, bool ``(H, W)``, and the attribution of the file.
+
+    Raises `MapError` for a file that cannot be read, or that covers no open ground of the map.
+    """
+    mask, attribution = _mask(place, city)
+    mask &= city.open_ground
+    if not mask.any():
+        raise MapError(
+            f"{os.fspath(place)!r} marks no open ground of the map {city.name} as water",
+            "a file that marks at least one pixel of open ground",
+            "check the file, or leave the water out",
+        )
+    return mask, attribution
+
+
 def _mask(source: str | os.PathLike, city: CityMap) -> tuple[np.ndarray, str]:
     """Read a mask, bool ``(H, W)``, and the attribution of its file."""
     # levels of a mask have no unit, but the PNG reader requires one

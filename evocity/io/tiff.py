@@ -3,7 +3,6 @@
 import contextlib
 import math
 import tempfile
-import unicodedata
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,7 +14,8 @@ from pyproj import CRS
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from evocity.citymap import BUILT_ABOVE, CityMap
-from evocity.io.export.reference_systems import export_system, file_system
+from evocity.formats.ascii_text import to_ascii
+from evocity.io.export.reference_systems import LOCAL, export_system, file_system
 from evocity.io.export.styles import raster_style
 from evocity.io.export.warp import warp, warped_grid
 from evocity.io.geotiff_seal import SEAL, UNSEALED, seal
@@ -106,12 +106,13 @@ def _band(
     **layout,
 ) -> Iterator[rasterio.io.DatasetWriter]:
     """Open a GeoTIFF of one float32 band, with the description of a map, for writing; seal it at
-    the end. ``crs``, ``shape`` and the north-west ``corner`` are the map's by default. Missing
+    the end. ``crs``, ``shape`` and the north-west ``corner`` are the map's by default; a map
+    without a place has the system `LOCAL`. Missing
     pixels are NaN. Raises OSError where the library cannot write."""
     side, (rows, columns) = about.metres_per_pixel, shape or about.shape
     left, top = corner or about.origin or (0.0, rows * side)
-    if crs is None and about.crs is not None:
-        crs = file_system(about.crs)
+    if crs is None:
+        crs = LOCAL if about.crs is None else file_system(about.crs)
     try:
         with (
             warnings.catch_warnings(action="ignore", category=NotGeoreferencedWarning),
@@ -137,23 +138,11 @@ def _band(
             target.update_tags(
                 NAME=about.name,
                 ATTRIBUTION=about.attribution,
-                TIFFTAG_COPYRIGHT=_ascii(about.attribution),
+                TIFFTAG_COPYRIGHT=to_ascii(about.attribution),
                 TIFFTAG_SOFTWARE="evocity",
                 **{SEAL: UNSEALED},
-                **({} if crs else {PIXEL_TAG: repr(side)}),
+                **({PIXEL_TAG: repr(side)} if crs == LOCAL else {}),
             )
     except RasterioError as error:
         raise OSError(str(error)) from error
     seal(path)
-
-
-def _ascii(text: str) -> str:
-    """Spell ``text`` in ASCII, as tags of TIFF are: © as (c), é as e."""
-    for sign, letters in {"©": "(c)", "®": "(R)", "–": "-", "—": "-", "’": "'"}.items():
-        text = text.replace(sign, letters)
-    plain = unicodedata.normalize("NFKD", text)
-    return (
-        "".join(c for c in plain if not unicodedata.combining(c))
-        .encode("ascii", "replace")
-        .decode()
-    )

@@ -12,7 +12,17 @@ from evocity.citymap import CityMap
 from evocity.columns import array_of
 from evocity.condensation import Condensation
 from evocity.errors import EvocityError, spell
-from evocity.genome import FIELDS, NEWER, PROVENANCE, Genome, packed, read_genome, unpacked
+from evocity.genome import (
+    FIELDS,
+    NEWER,
+    PROVENANCE,
+    Genome,
+    RoofTable,
+    packed,
+    read_genome,
+    roof_codes,
+    unpacked,
+)
 from evocity.kinds.kind import Expressed, Kind, Window, lists
 from evocity.pavement import Pavement
 
@@ -123,7 +133,8 @@ class Fabric(Kind):
         return encode(city, condensation=locked, **how).genome
 
     def rename(self, genome: Genome, name: str) -> Genome:
-        return genome.replace(cities=(name,))
+        tables = genome.roofs.values() if len(genome.cities) == 1 else ()
+        return genome.replace(cities=(name,), roofs=dict(zip((name,), tables, strict=False)))
 
     def read(self, path: Path) -> Genome:
         return read_genome(path)
@@ -139,8 +150,10 @@ class Fabric(Kind):
         return genome
 
     def founder(self, genome: Genome, name: str, settle: bool) -> Genome:
+        roofs = RoofTable.of_raster(roof_codes(genome))
         return genome.replace(
             cities=(name,),
+            roofs={} if roofs is None else {name: roofs},
             **_own_ancestry(genome.pavement),
             **dict.fromkeys(("turn", "other", "part")),
             condensation=None,

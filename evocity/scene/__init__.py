@@ -7,7 +7,8 @@
 - `objects`: buildings and lower objects by class, with their properties
 - `library`, `library_table`, `matching`, `substitution`: objects of real maps in place of buildings
 - `lines`: the lines of a city: edges of the fabric, skylines, façades, streets
-- `tiles`, `cutting`: tiles of a scene, and surfaces cut at their borders
+- `tiles`, `cutting`, `globe`: tiles of a scene, surfaces cut at their borders, and the place of
+  tiles on the globe
 - `roofs`: pitched roofs by straight skeletons
 - `picture`: axonometric pictures
 

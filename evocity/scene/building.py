@@ -38,7 +38,13 @@ from evocity.scene.library import Library
 from evocity.scene.noding import join_nodes
 from evocity.scene.objects import Objects, check_sources, group_objects
 from evocity.scene.picture import draw_scene, triangles
-from evocity.scene.roofs import check_heights, heights_are_ridges, level_of, raise_roofs
+from evocity.scene.roofs import (
+    check_heights,
+    check_roofs,
+    heights_are_ridges,
+    level_of,
+    raise_roofs,
+)
 from evocity.scene.substitution import Substitution, substituted
 from evocity.views.classes import Classes, ClassTable
 from evocity.views.walls import Walls
@@ -63,6 +69,8 @@ class Scene:
     lod : level of detail, one of `evocity.scene.LEVELS`.
     fitting : the options of `CityMap.walled` for the walls.
     water : bool ``(H, W)``, open ground that is water; None for a map without water.
+    given_roofs : int ``(n, 2)``, the roof of each building, as in the function `scene`; or None.
+    credit : attribution of other files in the scene, such as that of the water.
 
     >>> import numpy as np, evocity
     >>> heights = np.zeros((32, 32))
@@ -83,6 +91,8 @@ class Scene:
     lod: str = "1.3"
     fitting: Mapping[str, Any] = field(default_factory=dict)
     water: np.ndarray | None = None
+    given_roofs: np.ndarray | None = None
+    credit: str = ""
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
@@ -107,10 +117,20 @@ class Scene:
             shapes = self.city.roof_shapes
             if shapes is not None:
                 shapes = shapes - (*self.city.south_west, 0, 0)
-            objects = raise_roofs(objects, self._size, self.storey, ridges, shapes)
+            own = shapes, self.given_roofs
+            objects = raise_roofs(objects, self._size, self.storey, ridges, *own)
             if noded is not None:
                 objects = join_nodes(objects, group_objects(Objects(self.city, noded, *more)))
         return detailed((*surfaces, *objects), self.lod)
+
+    @property
+    def ridges(self) -> np.ndarray:
+        """Bool ``(n,)``: whether the height of each of the `walls` measures to the ridge; otherwise
+        it measures to the eaves."""
+        if self.given_roofs is not None:
+            return self.given_roofs[self.walls.buildings - 1, 1] > 0
+        ridges = heights_are_ridges(self.city.height_rules, self.city.attribution)
+        return np.full(len(self.walls), ridges)
 
     def local(self, polygons: np.ndarray) -> np.ndarray:
         """Convert polygons from the map's reference system to metres from the map's south-west
@@ -150,8 +170,8 @@ class Scene:
 
     @property
     def _attribution(self) -> str:
-        """The attribution of the map and of the objects on it."""
-        lines = self.city.attribution.split("; ")
+        """The attribution of the map, of the objects on it, and of other files."""
+        lines = [*self.city.attribution.split("; "), *self.credit.split("; ")]
         if self.substitution is not None:
             lines += self.substitution.attribution.split("; ")
         return plain_text("; ".join(line for line in dict.fromkeys(lines) if line))
@@ -296,6 +316,8 @@ def scene(
     roofs: bool = False,
     triangles: int | None = None,
     sources: Sequence[str] = (),
+    given_roofs: np.ndarray | None = None,
+    credit: str = "",
     **how: Any,
 ) -> Scene:
     """Make a scene of a map, with its ground, its buildings, and its objects lower than buildings.
@@ -323,6 +345,13 @@ def scene(
         no more. Raises `MapError` if no level has so few.
     sources : the name of the source city of each building, in the order of `CityMap.buildings`, and
         an empty text without one. `evocity.fitness.heredity.building_sources` returns these names.
+    given_roofs : int ``(n, 2)``, the roof of each building, in the order of `CityMap.buildings`:
+        the number of its shape in `evocity.scene.roofs.SHAPES`, or -1 for the rules of evocity; and
+        1 if its height measures to the ridge, 0 if it measures to the eaves.
+        `evocity.genome.building_roofs` returns the roofs of a bred map. None means the shapes and
+        the meaning of heights that the map itself has.
+    credit : attribution of other files in the scene, such as that of the water. Files of the scene
+        include it after that of the map.
     how : options of `CityMap.walled` for the walls: ``detail``, ``relative``, ``squared``,
         ``storeys`` and ``least_area``. Values out of range raise `MapError`.
     """
@@ -345,14 +374,25 @@ def scene(
         check_library(check_level(lod))
     table = city.classes if classes is None else city.classified(classes)
     storey = how.get("storeys") or STOREY
-    named = check_sources(city, sources)
+    named, given = check_sources(city, sources), check_roofs(city, given_roofs)
     for level in levels_from(check_level(lod)):
         walls, laid = walls_at(city, level, how), None
         if library is not None:
             check_library(level.name)
             rng = np.random.default_rng(0) if rng is None else rng
             laid = substituted(city, library, rng, walls=walls, classes=table)
-        parts = (streets, laid, measures or {}, storey, named, level.name, how, water)
+        parts = (
+            streets,
+            laid,
+            measures or {},
+            storey,
+            named,
+            level.name,
+            how,
+            water,
+            given,
+            credit,
+        )
         made = Scene(city, walls, table, *parts)
         kept = len(walls) or not len(city.buildings)  # the coarsest cells may hold no building
         if triangles is None or (kept and made.triangle_count <= triangles):

@@ -9,6 +9,7 @@ from typing import Any
 from evocity import formats
 from evocity.errors import MapError
 from evocity.formats import About, Group
+from evocity.formats.printing import HEADER, stl_credit
 from evocity.io.writers import TABLES, check_place, open_output
 
 _WRITERS: dict[str, Callable[..., str | bytes]] = {
@@ -76,6 +77,11 @@ def write(groups: Sequence[Group], about: About, path: str | os.PathLike, **how:
     data = content if isinstance(content, bytes) else content.encode("utf-8")
     with open_output(path) as temporary:
         temporary.write_bytes(data)
+
+
+def cuts_attribution(suffix: str, about: About) -> bool:
+    """Whether a file with this suffix has no room for the whole attribution."""
+    return suffix == ".stl" and len(stl_credit(about)) > HEADER
 
 
 def check_options(path: Path, how: Mapping[str, Any]) -> None:

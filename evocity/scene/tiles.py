@@ -4,9 +4,9 @@ import dataclasses
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
@@ -24,13 +24,16 @@ from evocity.scene.blocks import walls_at
 from evocity.scene.building import Scene
 from evocity.scene.cutting import cut_surfaces
 from evocity.scene.detail import CITYJSON, LEVELS, Level, check_level
+from evocity.scene.globe import globe_transform
 
-#: Name of the file that lists all tiles, and the key of evocity's own entries in it.
-TILESET, OWN = "tileset.json", "evocity"
+if TYPE_CHECKING:
+    from pyproj import CRS
+
+#: Name of the file that lists all tiles, the key of evocity's own entries in it, and the key of the
+#: settings of the map in these.
+TILESET, OWN, SETTINGS = "tileset.json", "evocity", "settings"
 #: Least side of a tile, pixels.
 _LEAST_SIDE = 16
-#: Length over which the directions of a reference system are measured on the globe, metres.
-_SPAN = 100.0
 
 
 def write_tiles(
@@ -40,6 +43,8 @@ def write_tiles(
     *,
     levels: Sequence[str] | None = None,
     margin: int = 0,
+    crs: str | None = None,
+    settings: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, Any]:
     """Write a scene as tiles: a folder with a ``tileset.json`` of 3D Tiles 1.1, a .glb file for
@@ -57,20 +62,32 @@ def write_tiles(
         and all coarser ones. CityJSONSeq has the finest of them.
     margin : width of a strip around the map that belongs to no tile, px. Its pixels only help to
         find the buildings at the border.
+    crs : reference system of the .city.jsonl files, a code such as ``"EPSG:2154"``; None keeps that
+        of the map. All other coordinates stay the same.
+    settings : how the map was made, values that JSON can hold. The file ``tileset.json`` keeps
+        these values, and only the same values may replace the tiles.
     progress : is called with two numbers: the number of finished files, and the number of all
         files.
 
     Returns facts: ``tiles``, ``levels``, ``files``, ``bytes``, and ``buildings`` and ``triangles``
     by level. Raises `MapError` for a side that does not divide the map, for a level that is unknown
-    or finer than the scene, for a folder that holds other files, and for files that cannot be
-    written. An error leaves no partial file.
+    or finer than the scene, for a ``crs`` that does not fit, for a folder that holds other files,
+    and for files that cannot be written. An error leaves no partial file.
     """
     folder, city = Path(folder), scene.city
     grid = _Grid.of(city, side, margin)
     names = _levels(scene, levels)
-    fabric = _digest(scene, grid, names)
-    check_tiles_folder(folder, fabric)
-    writer = _Writer(scene, folder, grid)
+    target, code = _system(city, crs)
+    if target is not None and names[0] not in CITYJSON:
+        raise MapError(
+            f"tiles of LoD {names[0]} have no .city.jsonl files for {keyword('crs', crs)}",
+            f"a level that CityJSON has: {', '.join(sorted(CITYJSON))}",
+            f"choose another level, or leave {keyword('crs')} out",
+        )
+    settings = json.loads(json.dumps(dict(settings or {})))
+    fabric = _digest(scene, grid, names, code)
+    check_tiles_folder(folder, settings, fabric)
+    writer = _Writer(scene, folder, grid, target)
     total = len(grid) * (len(names) + (names[0] in CITYJSON))
     facts: dict[str, Any] = {"tiles": len(grid), "levels": names, "files": 0, "bytes": 0}
     facts |= {"buildings": {}, "triangles": {}}
@@ -91,10 +108,11 @@ def write_tiles(
     own = {"version": 1, "fabric": fabric, "tile": side, "rows": grid.rows, "columns": grid.columns}
     own |= {"metres_per_pixel": city.metres_per_pixel, "levels": names, "crs": about.crs or ""}
     own |= {"offset": list(about.offset), "name": about.name, "attribution": about.attribution}
+    own |= {SETTINGS: settings}
     asset = {"copyright": about.attribution} if about.attribution else {}
     text = tileset(
         [levels for levels in contents.values() if levels],
-        globe_transform(about.crs, about.offset),
+        globe_transform(about.crs, about.offset, grid.size),
         {"extras": asset} if asset else {},
         {OWN: own},
     )
@@ -141,23 +159,33 @@ class _Grid:
     def number(self, y: np.ndarray, x: np.ndarray) -> np.ndarray:
         """The tile of places y px from the north and x px from the west of the map, row by row; −1
         outside."""
-        row, column = (np.floor((at - self.margin) / self.side).astype(np.int64) for at in (y, x))
+        row, column = self._place(y, x)
         inside = (row >= 0) & (row < self.rows) & (column >= 0) & (column < self.columns)
         return np.where(inside, row * self.columns + column, -1)
+
+    def number_all(self, y: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """The tile of places, as `number`, but each tile of the margin has a number of its own."""
+        row, column = self._place(y, x)
+        around = -(-self.margin // self.side)
+        return (row + around) * (self.columns + 2 * around) + column + around
+
+    def _place(self, y: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        row, column = (np.floor((at - self.margin) / self.side).astype(np.int64) for at in (y, x))
+        return row, column
 
 
 class _Writer:
     """Writes the files of tiles, level by level."""
 
-    def __init__(self, scene: Scene, folder: Path, grid: _Grid):
-        self.scene, self.folder, self.grid = scene, folder, grid
+    def __init__(self, scene: Scene, folder: Path, grid: _Grid, target: "CRS | None"):
+        self.scene, self.folder, self.grid, self.target = scene, folder, grid, target
         labels = scene.city.building_labels
         pixels = np.bincount(labels.ravel())[1:]
         rows, columns = np.indices(labels.shape, np.int32)
-        centre = (
+        y, x = (
             (np.bincount(labels.ravel(), at.ravel())[1:] / pixels + 0.5) for at in (rows, columns)
         )
-        self.owners = grid.number(*centre)
+        self.owners, self.apart = grid.number(y, x), grid.number_all(y, x)
         self.shift = grid.margin * grid.pixel
         about = scene.about
         offset = (about.offset[0] + self.shift, about.offset[1] + self.shift)
@@ -170,7 +198,7 @@ class _Writer:
     ) -> Iterator[tuple[tuple[int, int], Content, dict[str, int]]]:
         """Write the files of all tiles at a ``level``; yield the place and the content of each, and
         counts. ``lines``: whether to write CityJSONSeq files too."""
-        scene = at_level(self.scene, level, self.owners)
+        scene = at_level(self.scene, level, self.apart)
         about = dataclasses.replace(self.about, lod=level.name)
         parts = self._divided(scene.groups)
         (self.folder / level.name).mkdir(parents=True, exist_ok=True)
@@ -188,7 +216,7 @@ class _Writer:
             data = formats.glb(groups, about, merge=True)
             counts["bytes"] = _write(self.folder / f"{name}.glb", data)
             if lines:
-                text = formats.cityjson_lines(groups, about)
+                text = formats.cityjson_lines(*self._placed(groups, about))
                 counts["bytes"] += _write(self.folder / f"{name}.city.jsonl", text.encode())
                 counts["files"] += 1
             points = np.concatenate([mesh.points[mesh.triangles.ravel()] for mesh in meshes])
@@ -197,6 +225,14 @@ class _Writer:
                 for x, y, z in (points.min(axis=0), points.max(axis=0))
             )
             yield place, Content(f"{name}.glb", least, most, level.error), counts
+
+    def _placed(self, groups: Sequence[Group], about: About) -> tuple[Sequence[Group], About]:
+        """Convert groups and their description to the reference system of CityJSONSeq files."""
+        if self.target is None:
+            return groups, about
+        from evocity.scene.reprojection import reproject_scene
+
+        return reproject_scene(groups, about, self.scene.city, self.target)
 
     def _divided(self, groups: Sequence[Group]) -> list[list[Group]]:
         """Divide the groups of a scene: the groups of each tile."""
@@ -274,6 +310,18 @@ def at_level(scene: Scene, level: Level, owners: np.ndarray | None = None) -> Sc
     return dataclasses.replace(scene, walls=walls, lod=level.name, substitution=None)
 
 
+def _system(city: CityMap, crs: str | None) -> "tuple[CRS | None, str]":
+    """Return the reference system ``crs`` of a map in metres, and its code."""
+    if crs is None:
+        return None, ""
+    from evocity.io.export.reference_systems import export_system
+    from evocity.io.projection import code_of  # slow to load
+
+    target = export_system(city, crs, metres=True)
+    assert target is not None
+    return target, code_of(target)
+
+
 def _levels(scene: Scene, levels: Sequence[str] | None) -> list[str]:
     """The levels to write, from the finest to the coarsest."""
     coarser = LEVELS[LEVELS.index(scene.lod) :]
@@ -289,10 +337,10 @@ def _levels(scene: Scene, levels: Sequence[str] | None) -> list[str]:
     return [name for name in coarser if name in levels]
 
 
-def _digest(scene: Scene, grid: _Grid, levels: Sequence[str]) -> str:
+def _digest(scene: Scene, grid: _Grid, levels: Sequence[str], crs: str) -> str:
     """Compute the digest of a fabric and of all that decides its tiles."""
     city, about = scene.city, scene.about
-    described: list[Any] = [city.shape, dataclasses.astuple(grid), about.crs, about.offset]
+    described: list[Any] = [city.shape, dataclasses.astuple(grid), about.crs, about.offset, crs]
     described += [list(levels), scene.lod, scene.streets, scene.storey, dict(scene.measures)]
     digest = hashlib.sha256(json.dumps(described, default=str).encode())
     digest.update(np.ascontiguousarray(city.heights).tobytes())
@@ -314,60 +362,41 @@ def _digest(scene: Scene, grid: _Grid, levels: Sequence[str]) -> str:
     return digest.hexdigest()
 
 
-def check_tiles_folder(folder: Path, fabric: str | None = None) -> None:
-    """Raise `MapError` if a folder holds anything but tiles of the same ``fabric``, or of any
-    fabric for None."""
+def check_tiles_folder(
+    folder: Path, settings: Mapping[str, Any] | None = None, fabric: str | None = None
+) -> None:
+    """Raise `MapError` if a folder holds anything but tiles with the same ``settings`` and of the
+    same ``fabric``. None allows any settings, or any fabric."""
     check_place(folder / TILESET if folder.is_dir() else folder)
     if not folder.exists():
         return
-    held = None
+    what = ""
     if (folder / TILESET).exists():
         try:
             document = json.loads((folder / TILESET).read_text(encoding="utf-8"))
-            held = document["extras"][OWN]["fabric"]
-        except (OSError, ValueError, LookupError, TypeError):
-            held = "unknown"
+            own = document["extras"][OWN]
+            held, made = own["fabric"], own.get(SETTINGS, {})
+            wrong = [] if settings is None else _differing(made, settings)
+        except (OSError, ValueError, LookupError, TypeError, AttributeError):
+            held, wrong = "unknown", []
+        if wrong:
+            what = f"tiles of another fabric, which differs in {', '.join(wrong)}"
+        elif fabric is not None and held != fabric:
+            what = "tiles of another fabric, or tiles with other options"
     elif any(path.name not in LEVELS for path in folder.iterdir()):
-        held = "other files"
-    if held == "other files" or (fabric is not None and held not in (None, fabric)):
-        what = "other files" if held == "other files" else "tiles of another fabric"
+        what = "other files"
+    if what:
         raise MapError(
-            f"the folder {str(folder)!r} holds {what}, or tiles with other options",
+            f"the folder {str(folder)!r} holds {what}",
             "a folder that does not exist, is empty, or holds the tiles of this fabric",
             "choose another folder, or remove this one first",
         )
 
 
-def globe_transform(crs: str | None, corner: tuple[float, float]) -> list[float] | None:
-    """Compute the matrix of 16 numbers, column by column, from metres at a ``corner`` in ``crs`` to
-    Earth-centred coordinates (EPSG:4978); None for a map without a place. The height of the ground
-    is 0 above the ellipsoid."""
-    if crs is None:
-        return None
-    from pyproj import CRS, Transformer
-    from pyproj.exceptions import ProjError
-
-    x, y = corner
-    try:
-        lon, lat = Transformer.from_crs(CRS.from_user_input(crs), 4979, always_xy=True).transform(
-            [x, x + _SPAN, x], [y, y, y + _SPAN]
-        )
-        globe = Transformer.from_crs(4979, 4978, always_xy=True)
-        points = np.column_stack(globe.transform(lon, lat, [0.0, 0.0, 0.0]))
-    except ProjError:
-        return None
-    if not np.isfinite(points).all():
-        return None
-    east, north = points[1] - points[0], points[2] - points[0]
-    scale = float(np.sqrt((east**2).sum())) / _SPAN
-    east /= np.sqrt((east**2).sum())
-    up = np.cross(east, north)
-    up /= np.sqrt((up**2).sum())
-    north = np.cross(up, east)
-    matrix = np.eye(4)  # of rows that become columns of the file
-    matrix[:3, :3] = np.stack([east, north, up]) * scale
-    matrix[3, :3] = points[0]
-    return [float(number) for number in matrix.ravel()]
+def _differing(held: Mapping[str, Any], settings: Mapping[str, Any]) -> list[str]:
+    """List the names of settings whose values differ."""
+    same = json.loads(json.dumps(dict(settings)))
+    return sorted(name for name in {*held, *same} if held.get(name, ...) != same.get(name, ...))
 
 
 def _write(path: Path, data: bytes) -> int:

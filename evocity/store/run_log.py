@@ -14,7 +14,7 @@ from evocity.citymap import CityMap
 from evocity.columns import array_of, column_of, lists_of
 from evocity.condensation import Condensation
 from evocity.errors import RunError, near_miss
-from evocity.genome import Genome
+from evocity.genome import Genome, RoofTable
 from evocity.store.checksums import check_digests
 from evocity.store.events import TURNS, read_events
 from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder
@@ -181,7 +181,8 @@ class RunLog:
         return logged
 
     def genome(self, identifier: int) -> Genome:
-        """Return the genome of one individual. Raises `RunError` if it was never bred."""
+        """Return the genome of one individual, with the roofs of the source cities. Raises
+        `RunError` if it was never bred."""
         genome = self.individuals([identifier])[0].genome
         if genome is None:
             raise RunError(
@@ -189,7 +190,24 @@ class RunLog:
                 "an individual whose breeding succeeded",
                 "choose an individual with a value in the births' column `genome`",
             )
-        return genome
+        return self.with_roofs(genome)
+
+    def with_roofs(self, genome: Genome) -> Genome:
+        """Return a ``genome`` of the run with the roofs of the source cities; genomes of other
+        kinds than fabric stay unchanged."""
+        if not isinstance(genome, Genome) or not self._roofs:
+            return genome
+        return genome.replace(roofs={k: v for k, v in self._roofs.items() if k in genome.cities})
+
+    @cached_property
+    def _roofs(self) -> dict[str, RoofTable]:
+        """The roofs of the source cities; none in a folder whose sources are damaged."""
+        try:
+            sources = self.sources()
+        except RunError:
+            return {}
+        roofs = {source.name: source.roofs for source in sources}
+        return {name: table for name, table in roofs.items() if table is not None}
 
     def parents(self, births: Sequence[Birth]) -> list[tuple[Genome, ...]]:
         """Return the parents' genomes of each of ``births``, in the order of its ``parents``; a

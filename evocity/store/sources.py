@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict
 from evocity.citymap import CityMap
 from evocity.condensation import Condensation
 from evocity.errors import RunError
-from evocity.genome import Genome
+from evocity.genome import Genome, RoofTable
 from evocity.kinds import Kind
 from evocity.store.run_directory import RunDirectory
 
@@ -39,6 +39,25 @@ class Source:
     def name(self) -> str:
         return self.city.name
 
+    @property
+    def roofs(self) -> RoofTable | None:
+        """The roofs that the source gives, of the genome or, without them, of the map."""
+        from evocity.coding.source_roofs import roofs_of_map  # slow to load
+
+        own = getattr(self.genome, "roofs", {}).get(self.name)
+        return roofs_of_map(self.city) if own is None else own
+
+    @property
+    def stored_genome(self) -> Genome:
+        """The genome for the run's folder: without roofs that follow from the stored map."""
+        from evocity.coding.source_roofs import roofs_of_map
+
+        roofs = getattr(self.genome, "roofs", {})
+        plain = self.city.replace(self.city.heights, roof_shapes=None)
+        if not roofs or roofs.get(self.name) != roofs_of_map(plain):
+            return self.genome
+        return self.genome.replace(roofs={})
+
 
 class _About(BaseModel):
     """The description of a map's heights; `CityMap` checks the numbers."""
@@ -59,7 +78,7 @@ def write_sources(directory: RunDirectory, sources: Sequence[Source]) -> None:
     with tempfile.TemporaryDirectory() as folder:  # writers of genomes take a path
         for index, source in enumerate(sources):
             name = f"{_stem(index, source.city)}.genome.parquet"
-            source.genome.write(Path(folder, name))
+            source.stored_genome.write(Path(folder, name))
             directory.write_bytes(f"{SOURCES}/{name}", Path(folder, name).read_bytes())
     write_maps(directory, SOURCES, [source.city for source in sources])
 

@@ -7,6 +7,7 @@
 - `surfaces`: buildings and the ground between them, as one coverage of polygons
 - `classes`: classes of objects by area, height and shape
 - `orientation`: directions of walls, pixel by pixel
+- `ridges`: what heights measure to, the eaves or the ridges
 - `connected_components`: the connected pieces of a mask
 - `limit_tables`: the reader of tables of limits
 """

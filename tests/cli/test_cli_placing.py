@@ -83,6 +83,13 @@ def test_what_lies_nowhere_is_told_and_what_is_kept_is_laid_together(run, tmp_pa
     assert "nowhere" not in call("decode", run, "--id", 0, "-o", tmp_path / "a.png").stderr
     laid = call("decode", run, "--id", 0, "--at", town, "-o", tmp_path / "b.gpkg")
     assert "nowhere" not in laid.stderr
+    words = ("scene", run, "--id", 0)
+    for more in (("--tiles", tmp_path / "tiles", "--tile", 32), ("-o", tmp_path / "a.fgb")):
+        assert f"--at {town} puts" in call(*words, *more).stderr
+    assert "nowhere" not in call(*words, "-o", tmp_path / "a.glb").stderr
+    laid = call(*words, "--at", town, "--tiles", tmp_path / "placed", "--tile", 32)
+    assert "nowhere" not in laid.stderr
+    assert "no room for the whole attribution" in call(*words, "-o", tmp_path / "a.stl").stderr
     call("keep", run, "-o", tmp_path / "c.zip", "--at", town)
     opened = evocity.open_run(run)
     source, kept = opened.sources()[0].city, opened.keep()[0].individual.id

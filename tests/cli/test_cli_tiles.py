@@ -3,12 +3,14 @@
 import json
 
 import numpy as np
+import pyogrio
 import pytest
 from cli_tools import AT_2_M, PLAIN, call, refused, write_town
+from towns import draw_town
 
 import evocity
-from evocity.cli.grow import MARGIN
-from evocity.growth import grow
+from evocity.growth import Growth, grow
+from evocity.growth.surroundings import map_with_margin
 from evocity.scene import write_tiles
 
 SIZE = ("--width", 128, "--height", 96)
@@ -70,11 +72,78 @@ def test_a_grown_fabric_becomes_a_scene_and_tiles(tmp_path, genome_file):
     assert path.read_bytes() == (tmp_path / "same.glb").read_bytes()
     words = (*SIZE, "--seed", 4, "--tiles", tmp_path / "t", "--tile", 32)
     made = json.loads(call("grow", genome_file, *words, "--json").stdout)
-    around = (-MARGIN, -MARGIN, 96 + 2 * MARGIN, 128 + 2 * MARGIN)
-    facts = write_tiles(evocity.scene(fabric.city(*around)), tmp_path / "same", 32, margin=MARGIN)
+    city, margin = map_with_margin(fabric)
+    own = json.loads((tmp_path / "t" / "tileset.json").read_text(encoding="utf-8"))
+    settings = own["extras"]["evocity"]["settings"]
+    assert (settings["seed"], settings["width"], settings["tile"]) == (4, 128, 32)
+    scene = evocity.scene(city)
+    facts = write_tiles(scene, tmp_path / "same", 32, margin=margin, settings=settings)
     assert made["tiles"] == facts
     assert facts["tiles"] == 12
     assert files_of(tmp_path / "t") == files_of(tmp_path / "same")
+
+
+@pytest.mark.slow
+def test_a_grown_fabric_has_streets_and_squares_on_demand(tmp_path, genome_file):
+    fabric = grow(evocity.read_genome(genome_file), 96, 128, np.random.default_rng(4))
+    words = ("grow", genome_file, *SIZE, "--seed", 4, "--ground")
+    call(*words, "-o", tmp_path / "grown.glb")
+    evocity.scene(fabric.city(), streets=True).write(tmp_path / "same.glb")
+    assert (tmp_path / "grown.glb").read_bytes() == (tmp_path / "same.glb").read_bytes()
+    call(*words, "-o", tmp_path / "grown.gpkg")
+    assert "street_edges" in pyogrio.list_layers(tmp_path / "grown.gpkg")[:, 0]
+    call(*words, "--tiles", tmp_path / "t", "--tile", 32)
+    city, margin = map_with_margin(fabric)
+    scene = evocity.scene(city, streets=True)
+    write_tiles(scene, tmp_path / "same", 32, margin=margin)
+    found, same = files_of(tmp_path / "t"), files_of(tmp_path / "same")
+    assert found.keys() == same.keys()
+    assert {name for name in found if found[name] != same[name]} == {"tileset.json"}
+
+
+def test_tiles_of_other_settings_are_refused_before_growth(tmp_path, genome_file, monkeypatch):
+    def account(*_, **__):
+        raise AssertionError("the fabric grew")
+
+    monkeypatch.setattr(Growth, "account", account)
+    write_tiles(evocity.scene(draw_town(1), lod="1.0"), tmp_path / "scene", 32)
+    words = ("grow", genome_file, *SIZE, "--seed", 4, "--tile", 32, "--tiles")
+    refused(tmp_path, *words, tmp_path / "scene", says="differs in candidates, cell")
+    code = evocity.read_genome(genome_file)
+    made = grow(code, 96, 128, np.random.default_rng(4)).made
+    settings = {"genomes": [code.digest], "seed": 4, "width": 128, "height": 96, "tile": 32}
+    settings |= {"top": -16, "left": -32, "share": None, "share_over": None, "lod": "1.3"}
+    settings |= {"crs": None, "ground": False}
+    names = ("cell", "side_min", "side_max", "tolerance", "candidates", "turned")
+    settings |= {name: made[name] for name in names}
+    scene = evocity.scene(draw_town(1), lod="1.0")
+    write_tiles(scene, tmp_path / "t", 32, settings=settings)
+    for more, names in (
+        (("--seed", 5), "seed"),
+        (("--ground", "--left", 7), "ground, left, top"),
+        (("--tolerance", 3, "--lod", "1.0"), "lod, tolerance"),
+    ):
+        refused(tmp_path, *words, tmp_path / "t", *more, says=f"which differs in {names}\n")
+    with pytest.raises(AssertionError, match="the fabric grew"):
+        call(*words, tmp_path / "t")
+    town = ("scene", tmp_path / "town.npy", *AT_2_M, "--tile", 32, "--tiles", tmp_path / "t")
+    write_town(tmp_path / "town.npy")
+    refused(tmp_path, *town, says="which differs in candidates, cell")
+
+
+def test_lines_have_a_national_grid(tmp_path):
+    path = tmp_path / "town.tif"
+    evocity.write_map(
+        draw_town(1).replace(draw_town(1).heights, origin=(842000.0, 6520000.0), crs="EPSG:2154"),
+        path,
+    )
+    words = ("scene", path, "--tile", 32, "--tiles", tmp_path / "t", "--lod", "1.0")
+    call(*words, "--crs", "EPSG:32631")
+    (first, *_) = sorted(tmp_path.glob("t/1.0/*.city.jsonl"))
+    head = json.loads(first.read_text(encoding="utf-8").splitlines()[0])
+    assert head["metadata"]["referenceSystem"].endswith("/EPSG/0/32631")
+    refused(tmp_path, *words, "--crs", "EPSG:1", says="is unknown")
+    refused(tmp_path, *words, "--crs", "EPSG:4326", says="has degrees")
 
 
 def test_bad_input(tmp_path, town_file, genome_file):
@@ -105,6 +174,10 @@ def test_bad_input(tmp_path, town_file, genome_file):
     tiles = ("-o", path, "--tiles", tmp_path / "full", "--tile", 32)
     refused(tmp_path, "grow", genome_file, *SIZE, *tiles, says="holds other files")
     refused(tmp_path, *grown, "--roofs", says="--roofs is given without")
+    refused(tmp_path, *grown, "--ground", says="--ground is given without a scene, a .gpkg file")
+    placed = ("--tiles", tmp_path / "t", "--tile", 32, "--crs", "EPSG:2154")
+    refused(tmp_path, *town, *placed, says="no place on Earth")
+    refused(tmp_path, "grow", genome_file, *SIZE, *placed, says="no place on Earth")
     grown = ("grow", genome_file, *SIZE, "-o", tmp_path / "t.city.json")
     refused(tmp_path, *grown, "--lod", "afar", says='level of detail "afar"')
     large = ("--width", 8192, "--height", 8192, "--tiles", tmp_path / "t")

@@ -16,6 +16,7 @@ from evocity import parquet_child
 from evocity.citymap import CityMap
 from evocity.condensation import Condensation
 from evocity.errors import EvocityError
+from evocity.genome import RoofTable
 from evocity.io import read_map, write_map
 from evocity.io.writers import write_field, write_windows
 from evocity.kinds import CurveForm, ShapeForm, Site
@@ -79,6 +80,7 @@ def files(tmp_path_factory):
     wide = {"block": 4, "reach": 8, "threads": 1, "fit": False}
     fabric = evocity.encode(city, **wide).genome
     locked = evocity.encode(city, **wide, condensation=Condensation.cut(city, mask)).genome
+    roofs = RoofTable.of_raster(np.arange(64 * 64).reshape(64, 64).astype(np.uint8) % 6)
     made = Curve.bezier([[2, 2], [60, 80], [120, 120]])
     window = {"pixels": 64, "metres_per_pixel": 2.0}
     course = CurveForm(points=made.points, maps=made.maps, breadth=4.0, **window)
@@ -88,6 +90,7 @@ def files(tmp_path_factory):
         "fabric.parquet": evocity.encode(city, threads=1).genome.write,
         "uniform.parquet": fabric.write,
         "locked.parquet": locked.write,
+        "roofed.parquet": fabric.replace(roofs={fabric.cities[0]: roofs}).write,
         "shape.parquet": ShapeForm.of(known("koch"), 32, 1.0, "k").write,
         "curve.parquet": course.write,
         "site.parquet": Site.of(locked, (course,)).write,

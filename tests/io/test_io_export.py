@@ -19,7 +19,7 @@ from evocity.citymap import BUILT_ABOVE, CityMap
 from evocity.errors import MapError
 from evocity.io import read_map, write_map
 from evocity.io.export import styles
-from evocity.io.export.reference_systems import file_system, geotiff_text, utm_code
+from evocity.io.export.reference_systems import LOCAL, file_system, geotiff_text, utm_code
 from evocity.io.writers import TABLES
 from evocity.pictures.colours import ramp
 
@@ -121,6 +121,22 @@ def test_a_geopackage_and_a_geotiff_have_equal_systems(tmp_path):
     # rasterio loses the name of the conversion
     assert wkt == own.replace('CONVERSION["unnamed"', 'CONVERSION["Transverse Mercator"')
     assert CRS(read_map(tmp_path / "a.tif").crs) == CRS(read_map(tmp_path / "a.gpkg").crs)
+
+
+def test_files_without_a_place_have_equal_systems(tmp_path):
+    write_map(town(None, None), tmp_path / "a.tif")
+    write_map(town(None, None), tmp_path / "a.gpkg")
+    with closing(sqlite3.connect(tmp_path / "a.gpkg")) as file:
+        ((wkt,),) = file.execute(
+            "select definition_12_063 from gpkg_spatial_ref_sys where srs_id >= 100000"
+        )
+        ((own,),) = file.execute("select srs_id from gpkg_geometry_columns")
+    assert (wkt, own) == (LOCAL, 100000)  # QGIS compares texts, see test_to_other_programs
+    with rasterio.open(tmp_path / "a.tif") as file:
+        assert file.crs.wkt.startswith('LOCAL_CS["Metres from the south-west corner",')
+    for name in ("a.tif", "a.gpkg"):
+        back = read_map(tmp_path / name, metres_per_pixel=town().metres_per_pixel)
+        assert (back.crs, back.origin) == (None, None)
 
 
 @pytest.mark.parametrize(
@@ -254,6 +270,15 @@ def test_each_layer_has_one_style_by_default(tmp_path):
         symbols = {one.get("name") for one in root.iter("symbol")}
         used = {one.get("symbol") for kind in ("range", "category") for one in root.iter(kind)}
         assert used <= symbols
+
+
+def test_lines_of_streets_are_narrower_than_streets():
+    root = ElementTree.fromstring(styles.street_style().split(styles.MARK)[1])
+    props = [one.attrib for one in root.iter("prop")]
+    widths = [float(one["v"]) for one in props if one["k"] == "line_width"]
+    assert widths == sorted(widths)
+    assert max(widths) <= 4
+    assert "data_defined" not in styles.street_style()
 
 
 def test_heights_have_the_colours_of_pictures():

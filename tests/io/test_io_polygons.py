@@ -195,7 +195,7 @@ def contents(path):
 def test_a_map_without_a_place_is_in_local_metres_or_refused(tmp_path):
     city = town(placed=False)
     write_map(city, tmp_path / "a.gpkg")
-    assert contents(tmp_path / "a.gpkg")[2] == -1  # undefined Cartesian
+    assert contents(tmp_path / "a.gpkg")[2] == 100000  # no code
     table = geopandas.read_file(tmp_path / "a.gpkg", **LAYER[".gpkg"])
     assert CRS(table.crs).is_engineering
     assert table.total_bounds == pytest.approx(shapely.total_bounds(city.outline))

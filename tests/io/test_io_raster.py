@@ -11,7 +11,7 @@ from pyproj import CRS, Transformer
 from evocity.citymap import CityMap
 from evocity.errors import MapError
 from evocity.io import WRITERS, attribution_of, cities, read_map, write_map
-from evocity.pictures.colours import GROUND, PAPER, ramp, scale_end
+from evocity.pictures.colours import GROUND, PAPER, ramp, roofs_end, scale_end
 from evocity.pictures.picture import render
 
 
@@ -272,6 +272,12 @@ def test_one_tower_does_not_turn_the_rest_pale():
     assert scale_end(CityMap(heights[:60], 2.0)) == 15
     assert scale_end(CityMap(heights[:30], 2.0)) == 550
     assert scale_end(CityMap(np.zeros((4, 4)), 2.0)) == 10
+    rng = np.random.default_rng(1)
+    for count in (1, 2, 49, 50, 51, 1000):
+        roofs = rng.choice([3.0, 9.0, 18.0, 40.0], count, p=[0.5, 0.4, 0.07, 0.03])
+        usual, top = np.quantile(roofs, 0.98), roofs.max()
+        end = max(10, 5 * np.ceil((usual if top > 2 * usual else top) / 5))
+        assert roofs_end(roofs) == end
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (3, 50), (256, 256)])

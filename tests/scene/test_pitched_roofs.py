@@ -12,7 +12,9 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_scene_files import (
+    ANY_MAP,
     MAPS,
+    any_heights,
     drawn,
     schema,
     vertical,
@@ -203,13 +205,10 @@ def test_solids_with_roofs_are_closed_and_flat(scene):
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.sampled_from([0.25, 2.0, 10.0]), st.booleans())
+@ANY_MAP
 def test_roofs_of_any_map_are_closed(seed, pixel, noisy):
-    rng = np.random.default_rng(seed)
-    heights = rng.integers(0, 4, rng.integers(2, 24, 2)) * 3.0
+    heights = any_heights(seed, noisy, least=2)
     heights[0, 0] = 3.0
-    if noisy:
-        heights += rng.random(heights.shape)
     check_roofs(evocity.scene(drawn(heights, pixel), roofs=True, squared=bool(seed % 2)))
 
 
@@ -403,3 +402,21 @@ def test_roofs_cover_their_plans_with_streets_too(name):
         (ax, ay), (bx, by) = ((own[:, k] - own[:, 0]).T for k in (1, 2))
         area = np.bincount(mesh.owner[mesh.part == ROOF], (ax * by - ay * bx) / 2, len(group))
         assert area == pytest.approx(shapely.area(group.polygons), rel=2e-3, abs=0.5)
+
+
+def test_roofs_are_the_same_wherever_the_buildings_lie():
+    """Windows of a fabric share buildings with roofs, bit for bit on the grid of millimetres."""
+    heights = evocity.read_map("lyon-1er").heights[:160, :160]
+
+    def found(north, west, south, east):
+        city = evocity.CityMap(np.pad(heights, ((north, south), (west, east))), 2.0)
+        corner = np.array([west * 2.0, south * 2.0, 0.0])
+        (group,) = (one for one in evocity.scene(city, roofs=True).groups if one.name == "building")
+        shells = group.roofs
+        points = np.round((shells.points - corner) * 1000).astype(int)
+        lists = (points, shells.corners, shells.starts, shells.owner, shells.part, group.heights)
+        return [group.attributes["roof"], *(one.tolist() for one in lists)]
+
+    first = found(4, 4, 4, 4)
+    assert found(37, 5, 6, 131) == first
+    assert found(5, 613, 77, 4) == first

@@ -8,6 +8,7 @@ import functools
 import json
 import shutil
 import subprocess
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import jsonschema_rs
@@ -133,13 +134,20 @@ def test_solids_are_closed_and_manifold(scene):
     check_solids(scene)
 
 
-@settings(max_examples=30, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.sampled_from([0.25, 2.0, 10.0]), st.booleans())
-def test_solids_of_any_map_are_closed(seed, pixel, noisy):
+ANY_MAP = given(st.integers(0, 2**32 - 1), st.sampled_from([0.25, 2.0, 10.0]), st.booleans())
+
+
+def any_heights(seed: int, noisy: bool, least: int = 1) -> np.ndarray:
+    """Heights of a random map of 0 to 3 storeys, with sides of ``least`` px or more."""
     rng = np.random.default_rng(seed)
-    heights = rng.integers(0, 4, rng.integers(1, 24, 2)) * 3.0
-    if noisy:
-        heights += rng.random(heights.shape)
+    heights = rng.integers(0, 4, rng.integers(least, 24, 2)) * 3.0
+    return heights + rng.random(heights.shape) if noisy else heights
+
+
+@settings(max_examples=30, deadline=None)
+@ANY_MAP
+def test_solids_of_any_map_are_closed(seed, pixel, noisy):
+    heights = any_heights(seed, noisy)
     check_solids(evocity.scene(drawn(heights, pixel), squared=bool(seed % 2)))
 
 
@@ -341,6 +349,21 @@ def check_issues(issues: dict) -> None:
     assert (issues["numErrors"], issues["numWarnings"]) == (0, 0)
     codes = {one["code"] for one in issues["messages"]}
     assert codes <= {"UNUSED_OBJECT", "UNSUPPORTED_EXTENSION"}
+
+
+def test_vrml_and_x3d_have_the_same_viewpoint(tmp_path):
+    scene = scene_of("rings")
+    for suffix in (".wrl", ".x3d"):
+        scene.write(tmp_path / f"a{suffix}")
+    found = ElementTree.parse(tmp_path / "a.x3d").getroot().find("Scene/Viewpoint")
+    lines = (tmp_path / "a.wrl").read_text(encoding="utf-8").splitlines()
+    (line,) = (line for line in lines if line.startswith("Viewpoint"))
+    assert f"position {found.get('position')} orientation {found.get('orientation')}" in line
+    wide, deep = scene.about.size
+    x, y, z = map(float, found.get("position").split())
+    assert 0 < x < wide
+    assert y > 0 < z
+    assert -deep < z - y < 0  # it looks down by 45 degrees, and meets the ground
 
 
 @pytest.mark.parametrize("suffix", [".wrl", ".x3d"])

@@ -13,6 +13,7 @@ import numpy as np
 import parsed
 import pytest
 import shapely
+import shapely.affinity
 from towns import draw_town
 
 import evocity
@@ -22,7 +23,8 @@ from evocity.formats.kerbs import kerb_edges, kerbs_near
 from evocity.formats.materials import is_surface
 from evocity.scene import write_tiles
 from evocity.scene.cutting import cut_surfaces
-from evocity.scene.tiles import globe_transform
+from evocity.scene.globe import globe_transform
+from evocity.scene.tiles import check_tiles_folder
 from evocity.views.surfaces import KINDS
 
 BASE = "https://schemas.example/"
@@ -75,17 +77,21 @@ def solids_of(folder: Path) -> list[tuple]:
 
 
 def open_borders(folder: Path, level: str, lines: list[float]) -> int:
-    """Join the ground of all tiles, and count edges on the ``lines`` without a partner."""
-    parts = []
+    """Join the tiles, and count edges of the ground on the ``lines`` that have no partner: neither
+    ground nor the foot of a wall."""
+    parts, walls = [], []
     for path in sorted((folder / level).glob("*.glb")):
-        found = parsed.read(path)
-        parts += [found[name] for name in found if name in KINDS]
+        for name, triangles in parsed.read(path).items():
+            (parts if name in KINDS else walls).append(triangles)
     ground = np.concatenate(parts).astype(np.float32)
-    points, index = np.unique(ground.reshape(-1, 3), axis=0, return_inverse=True)
+    every = np.concatenate([ground, *walls]).astype(np.float32)
+    points, index = np.unique(every.reshape(-1, 3), axis=0, return_inverse=True)
     index = index.reshape(-1, 3)
     edges = np.concatenate([index[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
+    own = np.tile(np.arange(len(index)) < len(ground), 3)
     way, back = (edges[:, a] * len(points) + edges[:, b] for a, b in ((0, 1), (1, 0)))
-    begin, end = (points[edges[~np.isin(way, back)]][:, k] for k in (0, 1))
+    alone = own & ~np.isin(back, way)
+    begin, end = (points[edges[alone]][:, k] for k in (0, 1))
     on = [(begin[:, k] == line) & (end[:, k] == line) for k in (0, 1) for line in lines]
     return int(np.logical_or.reduce(on).sum())
 
@@ -118,6 +124,18 @@ def test_tiles_meet_without_open_edges(written, level):
     own = {"1.3": shapely.area(np.concatenate(surfaces)).sum(), "afar": 192.0**2}
     assert ground == pytest.approx(own.get(level, ground), rel=1e-6)
     assert len(list((folder / level).glob("*.glb"))) == facts["tiles"] == 4
+
+
+def test_a_wall_on_a_border_meets_the_ground_of_the_next_tile(tmp_path):
+    heights = np.zeros((64, 64), np.float32)
+    heights[8:24, 16:32] = heights[40:56, 32:44] = 9  # walls on the border between two columns
+    scene = evocity.scene(CityMap(heights, 2.0), streets=True)
+    write_tiles(scene, tmp_path / "t", 32)
+    ground = np.concatenate([group.polygons for group in scene.groups if is_surface(group)])
+    wall = shapely.LineString([(64, 80), (64, 112)])
+    assert shapely.length(shapely.intersection(shapely.union_all(ground).boundary, wall)) > 31
+    for level in ("1.3", "1.2"):
+        assert open_borders(tmp_path / "t", level, [64.0]) == 0
 
 
 def test_the_tileset_keeps_to_its_schema_and_laws(written):
@@ -208,6 +226,91 @@ def test_the_globe_is_below_the_tiles():
     expected = globe.transform(lon, lat, 40.0)
     assert (matrix @ (300, 200, 40, 1))[:3] == pytest.approx(expected, abs=0.05)
     assert globe_transform(None, (0.0, 0.0)) is None
+
+
+def test_tiles_lie_on_the_globe_at_their_middle():
+    size = (8192.0, 8192.0)
+    matrix = np.array(globe_transform("EPSG:2154", (842000.0, 6520000.0), size)).reshape(4, 4).T
+    from pyproj import Transformer
+
+    to = Transformer.from_crs("EPSG:2154", "EPSG:4979", always_xy=True)
+    globe = Transformer.from_crs(4979, 4978, always_xy=True)
+
+    def off(x, y):
+        lon, lat = to.transform(842000.0 + x, 6520000.0 + y)
+        return np.linalg.norm((matrix @ (x, y, 0, 1))[:3] - globe.transform(lon, lat, 0.0))
+
+    assert off(4096, 4096) < 1e-6
+    assert all(2.4 < off(x, y) < 3.2 for x in (0, 8192) for y in (0, 8192))  # d² / 12.7 Mm, scale
+
+
+def test_lines_have_another_reference_system(tmp_path):
+    scene = evocity.scene(town(), streets=True)
+    write_tiles(scene, tmp_path / "own", SIDE, levels=["1.3"])
+    write_tiles(scene, tmp_path / "t", SIDE, levels=["1.3"], crs="EPSG:32631")
+    found = []
+    for path in sorted(tmp_path.glob("t/*/*.city.jsonl")):
+        head = json.loads(path.read_text(encoding="utf-8").splitlines()[0])
+        assert head["metadata"]["referenceSystem"].endswith("/EPSG/0/32631")
+        found.append(head["transform"]["translate"])
+    groups, about = scene.placed("EPSG:32631")
+    assert [[*about.offset, 0.0]] * 4 == found
+    expected = []
+    for group in groups:
+        ids = group.attributes.get("id", [None] * len(group))
+        for own, polygon in zip(ids, group.polygons, strict=True):
+            plan = shapely.transform(polygon, lambda p: np.round(p * 1000))
+            if not is_surface(group):
+                expected.append((own, shapely.normalize(plan).wkb))
+    solids = solids_of(tmp_path / "t")
+    assert sorted(((one[0], one[3]) for one in solids), key=str) == sorted(expected, key=str)
+    for path in tmp_path.glob("own/*/*.glb"):  # tiles on the globe stay where they are
+        other = tmp_path / "t" / path.parent.name / path.name
+        assert path.read_bytes() == other.read_bytes()
+    with pytest.raises(MapError, match="other options"):
+        write_tiles(scene, tmp_path / "t", SIDE, levels=["1.3"])
+    for crs, says in (("EPSG:4326", "has degrees"), ("EPSG:2056", "outside the area")):
+        with pytest.raises(MapError, match=says):
+            write_tiles(scene, tmp_path / "x", SIDE, crs=crs)
+    with pytest.raises(MapError, match=r"no \.city\.jsonl files for crs"):
+        write_tiles(evocity.scene(town(), lod="afar"), tmp_path / "x", SIDE, crs="EPSG:32631")
+    assert not (tmp_path / "x").exists()
+
+
+def test_other_settings_are_refused(tmp_path):
+    scene = evocity.scene(town(), lod="1.0")
+    settings = {"seed": 3, "share": [0.5, 1.0], "genomes": ["a", "b"]}
+    write_tiles(scene, tmp_path / "t", SIDE, settings=settings)
+    document = json.loads((tmp_path / "t" / "tileset.json").read_text(encoding="utf-8"))
+    assert document["extras"]["evocity"]["settings"] == settings
+    write_tiles(scene, tmp_path / "t", SIDE, settings=settings)
+    check_tiles_folder(tmp_path / "t")
+    check_tiles_folder(tmp_path / "t", settings | {"share": (0.5, 1.0)})
+    for wrong, names in (({}, "genomes, seed, share"), (settings | {"seed": 4}, "seed")):
+        with pytest.raises(MapError, match=f"another fabric, which differs in {names}\n"):
+            check_tiles_folder(tmp_path / "t", wrong)
+        with pytest.raises(MapError, match=f"another fabric, which differs in {names}\n"):
+            write_tiles(scene, tmp_path / "t", SIDE, settings=wrong)
+
+
+@pytest.mark.parametrize("lod", ["2.2", "1.3", "1.2"])
+def test_windows_of_a_fabric_have_the_same_solids(tmp_path, lod):
+    """A chain of buildings that reaches into both windows is the same in both."""
+    heights = np.pad(draw_town(3, side=128).heights, 32)
+    city = CityMap(heights, 2.0)
+    found = []
+    for name, left in (("west", 0), ("east", 32)):
+        part = city.replace(heights[:, left : left + 160])
+        write_tiles(evocity.scene(part, lod=lod), tmp_path / name, 32, margin=32, levels=[lod])
+        solids = set()
+        for _, kind, high, plan in solids_of(tmp_path / name):
+            moved = shapely.from_wkb(plan)
+            moved = shapely.affinity.translate(moved, 2000 * (left + 32))
+            if moved.bounds[0] > 128_000 and moved.bounds[2] < 256_000:
+                solids.add((shapely.normalize(moved).wkb, kind, high))
+        found.append(solids)
+    assert len(found[0]) > 10
+    assert found[0] == found[1]
 
 
 def test_bad_input_leaves_folders_as_they_were(tmp_path):

@@ -88,6 +88,23 @@ def test_any_map_gives_a_valid_coverage(seed, side, how):
 
 
 @pytest.mark.parametrize("how", HOW, ids=["plain", "squared", "coarse"])
+@pytest.mark.parametrize("heights", [ragged(1, 40), ragged(4, 24), read_map("lyon-1er").heights])
+def test_walls_are_the_same_wherever_the_buildings_lie(heights, how):
+    """Windows of a fabric share buildings, bit for bit on the grid of millimetres."""
+
+    def found(north, west, south, east):
+        city = CityMap(np.pad(heights, ((north, south), (west, east))), 2.0)
+        corner = np.array([west * 2.0, south * 2.0])
+        walls = np.array(city.walled(**how).polygons, dtype=object)
+        walls = shapely.transform(walls, lambda points: np.round((points - corner) * 1000))
+        return shapely.to_wkb(walls).tolist()
+
+    first = found(4, 4, 4, 4)  # as far as the gradient of a building reaches
+    assert found(37, 5, 6, 131) == first
+    assert found(5, 1013, 77, 4) == first
+
+
+@pytest.mark.parametrize("how", HOW, ids=["plain", "squared", "coarse"])
 @pytest.mark.parametrize("name", cities())
 def test_walls_of_real_towns_are_a_valid_coverage(name, how):
     check_coverage(read_map(name), **how)

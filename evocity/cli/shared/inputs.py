@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -11,7 +12,7 @@ import click
 
 import evocity
 from evocity.cli.shared.checks import check_block
-from evocity.cli.shared.terminal import echo, note_reading, progress_bar, warn
+from evocity.cli.shared.terminal import echo, note, note_reading, progress_bar, warn
 from evocity.errors import EvocityError, FitnessError, keyword, near_miss, setting, spell
 
 #: Bytes of a Parquet footer that are searched for the metadata of GeoParquet.
@@ -204,6 +205,24 @@ def place_at(run: str, at: str) -> dict:
     from evocity.analysis.individual import place_of
 
     return place_of(evocity.open_run(run), at)
+
+
+def note_nowhere(run: str, genome, city) -> None:
+    """Suggest --at for the ``city`` of a ``run``, if it has no place because the source cities of
+    its ``genome`` lie in several places."""
+    from evocity.genome import Genome
+
+    if city.crs is not None or not is_run(run) or not isinstance(genome, Genome):
+        return
+    from evocity.analysis.individual import ground_of
+
+    shares = dict(zip(genome.cities, genome.shares.tolist(), strict=True))
+    ground = ground_of(shares, evocity.open_run(run).sources())
+    if ground is not None:
+        note(
+            "the map lies nowhere on Earth, since its parents lie in several places; "
+            f"--at {shlex.quote(ground)} puts it on the ground of its main parent"
+        )
 
 
 # -- measures and their cases ------------------------------------------------------------------

@@ -1,6 +1,8 @@
-"""Options of scenes: level of detail, budget of triangles, tiles."""
+"""Options of scenes: level of detail, budget of triangles, ground, tiles."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -24,6 +26,21 @@ triangles_option = option(
     "Most triangles of the scene: the command chooses a coarser --lod if needed.",
     int,
 )
+_GROUND = (
+    "as layers in a .gpkg file, and as surfaces in files of solids and pictures. A .fgb or "
+    ".geoparquet file cannot have streets."
+)
+streets_option = flag("--streets", f"Add streets, squares and other ground: {_GROUND}")
+ground_option = flag(
+    "--ground",
+    f"Add streets, squares and other ground, as evocity scene does with --streets: {_GROUND}",
+)
+water_option = option(
+    "--water FILE",
+    "File that marks open ground that is water, with footprints or with raster values above 0; "
+    "only with --streets. [no water]",
+    FILE,
+)
 roofs_option = flag("--roofs", "Put pitched roofs on buildings, as with --lod 2.2.")
 tiles_option = option(
     "--tiles FOLDER",
@@ -40,7 +57,8 @@ SIDE = 256
 def check_outputs(
     output: Path | None, tiles: Path | None, tile: int | None, crs: str | None
 ) -> None:
-    """Raise `EvocityError` without an output, and for tiles that cannot be written."""
+    """Raise `EvocityError` without an output, for tiles that cannot be written, and for an unknown
+    reference system ``crs`` of tiles."""
     check_needs("--tile", "--tiles", tile is not None and tiles is None)
     if output is None and tiles is None:
         raise EvocityError(
@@ -50,11 +68,9 @@ def check_outputs(
         )
     if tiles is not None:
         if crs is not None:
-            raise EvocityError(
-                "--crs cannot be used with --tiles",
-                "tiles without --crs: their tileset.json already has their place on the globe",
-                "leave --crs out, or write a file with -o",
-            )
+            from evocity.io.export.reference_systems import parse_requested
+
+            parse_requested(crs)
         if tiles.is_file():
             raise EvocityError(
                 f"{str(tiles)!r} is a file",
@@ -64,24 +80,39 @@ def check_outputs(
         check_folder(tiles if tiles.is_dir() else tiles.absolute().parent)
 
 
-def check_tile(tiles: Path | None, tile: int | None, high: int, wide: int) -> None:
-    """Raise `EvocityError` for a folder of ``tiles`` that holds other files, and for tiles that do
-    not divide a map of ``high`` × ``wide`` px."""
+def check_tile(
+    tiles: Path | None,
+    tile: int | None,
+    high: int,
+    wide: int,
+    settings: Mapping[str, Any] | None = None,
+) -> None:
+    """Raise `EvocityError` for tiles that do not divide a map of ``high`` × ``wide`` px, and for a
+    folder of ``tiles`` that holds other files, or tiles with other ``settings``."""
     if tiles is not None:
         from evocity.scene.tiles import check_side, check_tiles_folder
 
         check_side(SIDE if tile is None else tile, high, wide)
-        check_tiles_folder(tiles)
+        check_tiles_folder(tiles, settings)
 
 
-def write_scene_tiles(scene, folder: Path, tile: int | None, margin: int = 0) -> dict:
-    """Write the tiles of a scene, and return the facts of `evocity.scene.write_tiles`."""
+def write_scene_tiles(scene, folder: Path, tile: int | None, **how: Any) -> dict:
+    """Write the tiles of a scene, with the options ``how`` of `evocity.scene.write_tiles`, and
+    return its facts."""
     from evocity.scene import write_tiles
 
     with progress_bar(f"writing {folder.name}") as progress:
-        return write_tiles(
-            scene, folder, SIDE if tile is None else tile, margin=margin, progress=progress
-        )
+        return write_tiles(scene, folder, SIDE if tile is None else tile, progress=progress, **how)
+
+
+def water_of(water: Path | None, city) -> dict[str, Any]:
+    """Return the options of `evocity.scene` for the water in the file ``water``."""
+    if water is None:
+        return {}
+    from evocity.io.condensation_masks import read_water
+
+    mask, attribution = read_water(water, city)
+    return {"water": mask, "credit": attribution}
 
 
 def say_tiles(facts: dict, folder: Path) -> str:

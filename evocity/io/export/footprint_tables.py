@@ -1,7 +1,6 @@
 """Writers of footprints in FlatGeobuf and GeoParquet, with the columns of a GeoPackage."""
 
 import json
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +8,7 @@ import shapely
 from pyproj import CRS
 
 from evocity.citymap import CityMap
+from evocity.io.export.layers import write_layer
 from evocity.io.footprint_files import LAYER, TAGS, Footprints, footprints_of
 
 # GeoParquet, the version with a column of bounds.
@@ -18,28 +18,18 @@ _VERSION, _EDGES = "1.1.0", ("xmin", "ymin", "xmax", "ymax")
 def write_flatgeobuf(city: CityMap, path: Path, **how) -> None:
     """Write one layer of footprints with a spatial index; ``how`` as of `footprints_of`. Raises
     `OSError` if GDAL cannot write."""
-    import pyogrio  # which loads pandas, if it is there
-    from pyogrio.errors import DataLayerError, DataSourceError
-
     polygons, fields, tags, system = footprints_of(city, path.name, **how)
-    tags = {key: text for key, text in tags.items() if text}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # GDAL warns of an empty layer, and of no place on Earth
-        try:
-            pyogrio.raw.write(
-                path,
-                geometry=shapely.to_wkb(polygons),
-                field_data=list(fields.values()),
-                fields=list(fields),
-                layer=LAYER,
-                driver="FlatGeobuf",
-                geometry_type="Polygon",
-                crs=system,
-                layer_metadata=tags,
-                layer_options={"TITLE": city.name, "DESCRIPTION": city.attribution},
-            )
-        except (DataSourceError, DataLayerError) as error:
-            raise OSError(str(error)) from error
+    write_layer(
+        path,
+        polygons,
+        fields,
+        tags,
+        layer=LAYER,
+        driver="FlatGeobuf",
+        geometry_type="Polygon",
+        crs=system,
+        layer_options={"TITLE": city.name, "DESCRIPTION": city.attribution},
+    )
 
 
 def write_geoparquet(city: CityMap, path: Path, **how) -> None:

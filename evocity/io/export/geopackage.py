@@ -1,7 +1,6 @@
 """Writer of GeoPackage: footprints of buildings, the ground between them, and the street graph,
 with styles for QGIS."""
 
-import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +11,8 @@ import shapely
 from evocity.citymap import CityMap, Classes, StreetGraph, Walls
 from evocity.formats.materials import GROUND, surface_colour
 from evocity.io.export import styles
-from evocity.io.export.reference_systems import export_system, geotiff_text, is_code
+from evocity.io.export.layers import write_layer
+from evocity.io.export.reference_systems import LOCAL, export_system, geotiff_text, is_code
 from evocity.io.footprint_files import LAYER, footprints_of, moved, orient
 from evocity.pictures.colours import scale_end
 
@@ -23,12 +23,6 @@ if TYPE_CHECKING:
 EDGES, NODES, PLACES = "street_edges", "street_nodes", "places"
 #: Name of the layer with the ground between buildings.
 BETWEEN = "ground"
-
-# The name of GDAL's GeoPackage for metres without a place on Earth (srs_id -1).
-_NOWHERE = (
-    'ENGCRS["Undefined Cartesian SRS",EDATUM["unknown"],CS[Cartesian,2],'
-    'AXIS["x",east],AXIS["y",north],LENGTHUNIT["metre",1]]'
-)
 
 
 def write_geopackage(
@@ -56,7 +50,7 @@ def write_geopackage(
         layers = _street_layers(city, graph, cover)
         if "object" not in (columns or {}):  # objects of a library keep their shapes
             polygons = orient(moved(_placed(city, cover.buildings), city, target))
-    _layer(city, path, system or _NOWHERE, LAYER, "Polygon", polygons, fields, tags)
+    _layer(city, path, system or LOCAL, LAYER, "Polygon", polygons, fields, tags)
     table = (city.classes if classes is None else classes).table
     colours = dict(zip(table.names, map(tuple, table.rgb.tolist()), strict=True))
     looks: list[styles.Style] = [
@@ -67,15 +61,17 @@ def write_geopackage(
         about = {key: tags[key] for key in ("NAME", "ATTRIBUTION")}
         for name, kind, shapes, columns in layers:
             shapes = moved(shapes, city, target)
-            _layer(city, path, system or _NOWHERE, name, kind, shapes, columns, about)
+            _layer(city, path, system or LOCAL, name, kind, shapes, columns, about)
         looks += [
             (EDGES, "widths", styles.street_style(), True),
             (NODES, "nodes", styles.node_style(), True),
             (PLACES, "places", styles.place_style(_ground_colours()["square"]), True),
             (BETWEEN, "kinds of ground", styles.class_style(_ground_colours(), "kind"), True),
         ]
-    coded = system is None or is_code(system)
-    styles.add_styles(path, looks, None if coded else geotiff_text(str(system)))
+    text: str | None = LOCAL
+    if system is not None:
+        text = None if is_code(system) else geotiff_text(system)
+    styles.add_styles(path, looks, text)
 
 
 def _layer(
@@ -89,38 +85,29 @@ def _layer(
     tags: dict[str, str],
 ) -> None:
     """Write one layer: `LAYER` makes the file, the others are added. Raises `OSError`."""
-    import pyogrio  # which loads pandas, if it is there
-    from pyogrio.errors import DataLayerError, DataSourceError
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # GDAL warns of an empty layer
-        try:
-            pyogrio.raw.write(
-                path,
-                geometry=shapely.to_wkb(shapes),
-                field_data=list(fields.values()),
-                fields=list(fields),
-                layer=name,
-                driver="GPKG",
-                geometry_type=kind,
-                crs=crs,
-                layer_metadata={key: text for key, text in tags.items() if text},
-                layer_options={
-                    "IDENTIFIER": city.name if name == LAYER else f"{city.name}: {name}",
-                    "DESCRIPTION": city.attribution,
-                },
-                dataset_options=_options(crs) if name == LAYER else None,
-                append=name != LAYER,
-            )
-        except (DataSourceError, DataLayerError) as error:
-            raise OSError(str(error)) from error
+    write_layer(
+        path,
+        shapes,
+        fields,
+        tags,
+        layer=name,
+        driver="GPKG",
+        geometry_type=kind,
+        crs=crs,
+        layer_options={
+            "IDENTIFIER": city.name if name == LAYER else f"{city.name}: {name}",
+            "DESCRIPTION": city.attribution,
+        },
+        dataset_options=_options(crs) if name == LAYER else None,
+        append=name != LAYER,
+    )
 
 
 def _options(crs: str) -> dict[str, str]:
     """Return the options of a new GeoPackage: the version that QGIS 3.22 reads, and the WKT of a
     reference system without a code."""
     options = {"VERSION": "1.2"}
-    return options if is_code(crs) or crs == _NOWHERE else options | {"CRS_WKT_EXTENSION": "YES"}
+    return options if is_code(crs) else options | {"CRS_WKT_EXTENSION": "YES"}
 
 
 def _cover(

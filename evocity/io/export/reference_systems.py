@@ -20,6 +20,13 @@ from evocity.io.projection import (
 )
 from evocity.io.rasterization import crs_of
 
+#: The system of files of a map without a place on Earth: metres from its south-west corner. QGIS
+#: compares texts, so this is the text that GDAL reads from a GeoTIFF: its datum has no name.
+LOCAL = (
+    'ENGCRS["Metres from the south-west corner",EDATUM[""],CS[Cartesian,2],'
+    'AXIS["(E)",east,ORDER[1],LENGTHUNIT["metre",1,ID["EPSG",9001]]],'
+    'AXIS["(N)",north,ORDER[2],LENGTHUNIT["metre",1,ID["EPSG",9001]]]]'
+)
 #: The datum that PROJ gives to a projection of the ellipsoid of WGS 84.
 _UNNAMED_DATUM = "Unknown based on WGS 84 ellipsoid"
 # Degrees beyond the border of an area of use that still belong to it: a map on the border of two

@@ -20,17 +20,10 @@ _HEAD = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n" + MARK + 
 # Ranges of heights and of street widths in a legend.
 _RANGES = 10
 _WIDTHS = (0.0, 4.0, 8.0, 12.0, 20.0, 30.0)
-# From narrow streets to wide ones, sRGB.
+# Colours in sRGB and widths of lines in metres, from narrow streets to wide ones.
 _STREETS = ((222, 226, 232), (200, 207, 217), (176, 186, 200), (150, 163, 181), (122, 138, 160))
+_LINES = (1.5, 2.0, 2.5, 3.0, 4.0)
 _INK, _HIGHEST = "90,84,80,255", 100_000.0
-
-# The names of QGIS for a property of a symbol that a column gives.
-_BY_COLUMN = """<data_defined_properties><Option type="Map">
-<Option name="name" type="QString" value=""/><Option name="properties" type="Map">
-<Option name="{name}" type="Map"><Option name="active" type="bool" value="true"/>
-<Option name="field" type="QString" value={column}/><Option name="type" type="int" value="2"/>
-</Option></Option><Option name="type" type="QString" value="collection"/></Option>
-</data_defined_properties>"""
 
 _TABLE = """CREATE TABLE layer_styles (
 id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, f_table_catalog TEXT(256), f_table_schema TEXT(256),
@@ -53,6 +46,9 @@ def add_styles(path: Path, styles: Sequence[Style], crs: str | None = None) -> N
     OSError if SQLite cannot write."""
     try:
         with closing(sqlite3.connect(path)) as file, file:
+            # the whole file reaches the disk afterwards, see `evocity.files.whole_file`
+            file.execute("PRAGMA synchronous = OFF")
+            file.execute("PRAGMA journal_mode = OFF")
             file.execute(_TABLE)
             file.execute(_CONTENTS)
             for layer, name, qml, is_default in styles:
@@ -100,11 +96,12 @@ def class_style(colours: Mapping[str, Colour], column: str = "class") -> str:
 
 
 def street_style() -> str:
-    """Make the style of streets: lines with their ``width`` in metres of the map, graduated."""
+    """Make the style of streets: thin lines, graduated by ``width``. Surfaces of streets are in the
+    layer of the ground; lines as wide as a square would cover buildings."""
     names = [f"{a:g}–{b:g} m" for a, b in pairwise(_WIDTHS)]
     names[-1] = f"over {_WIDTHS[-2]:g} m"
     edges = [*_WIDTHS[:-1], _HIGHEST]
-    return _graduated("width", edges, names, [_line(colour) for colour in _STREETS])
+    return _graduated("width", edges, names, list(map(_line, _STREETS, _LINES)))
 
 
 def place_style(colour: Colour) -> str:
@@ -190,19 +187,18 @@ def _fill(colour: Colour) -> str:
     return _symbol("fill", "SimpleFill", look)
 
 
-def _line(colour: Colour) -> str:
+def _line(colour: Colour, width: float) -> str:
     unit = "RenderMetersInMapUnits"
-    look = {"line_color": _text(colour), "line_width": "6", "line_width_unit": unit}
+    look = {"line_color": _text(colour), "line_width": f"{width:g}", "line_width_unit": unit}
     look |= {"capstyle": "round", "joinstyle": "round"}
-    column = _BY_COLUMN.format(name="outlineWidth", column=quoteattr("width"))
-    return _symbol("line", "SimpleLine", look, column)
+    return _symbol("line", "SimpleLine", look)
 
 
-def _symbol(kind: str, layer: str, look: Mapping[str, str], more: str = "") -> str:
+def _symbol(kind: str, layer: str, look: Mapping[str, str]) -> str:
     options = "".join(f'<prop k="{key}" v="{value}"/>' for key, value in look.items())
     return (
         f'<symbol type="{kind}" alpha="1" clip_to_extent="1" force_rhr="0">'
-        f'<layer class="{layer}" enabled="1" locked="0" pass="0">{options}{more}</layer></symbol>'
+        f'<layer class="{layer}" enabled="1" locked="0" pass="0">{options}</layer></symbol>'
     )
 
 

@@ -8,12 +8,14 @@
 """
 
 from evocity.io.roof_shapes import SHAPES
-from evocity.scene.roofs.checks import check_heights, heights_are_ridges, level_of
+from evocity.scene.roofs.checks import check_heights, check_roofs, level_of
 from evocity.scene.roofs.roofs import count_shapes, raise_roofs
+from evocity.views.ridges import heights_are_ridges
 
 __all__ = [
     "SHAPES",
     "check_heights",
+    "check_roofs",
     "count_shapes",
     "heights_are_ridges",
     "level_of",

@@ -1,32 +1,13 @@
-"""Levels of detail and maps that can have pitched roofs, and the meaning of a map's heights."""
+"""Levels of detail and maps that can have pitched roofs."""
 
-from collections.abc import Mapping
+import numpy as np
 
 from evocity.citymap import CityMap
-from evocity.errors import MapError, keyword, setting
+from evocity.errors import MapError, keyword, setting, spell
+from evocity.io.roof_shapes import SHAPES
 
-#: Rules of heights that measure to the ridge; those of all other rules measure to the eaves.
-RIDGES = ("height", "height_column", "measuredHeight", "solid")
-# Part of the attribution of a source whose heights measure to the eaves.
-_EAVES_BY_SOURCE = "bd topo"
 #: Most height of a building with a roof, metres.
 TALLEST = 1000.0
-
-
-def heights_are_ridges(height_rules: Mapping[str, int], attribution: str = "") -> bool:
-    """Return whether the heights of a map measure to the ridge.
-
-    height_rules : number of buildings by the rule that gave their heights, as of
-        `CityMap.height_rules`. The rule of most buildings decides. Heights without a rule, such as
-        those of decoded genomes, measure to the eaves.
-    attribution : that of the map. BD TOPO of the IGN measures to the eaves, under any name of its
-        column.
-    """
-    if _EAVES_BY_SOURCE in attribution.casefold():
-        return False
-    counts = {rule: count for rule, count in height_rules.items() if rule != "default"}
-    ridges = sum(count for rule, count in counts.items() if rule in RIDGES)
-    return 2 * ridges > sum(counts.values())
 
 
 def level_of(lod: str | None, roofs: bool) -> str:
@@ -58,3 +39,27 @@ def check_heights(city: CityMap) -> None:
             f"heights of at most {TALLEST:g} m for roofs, in metres",
             f"check the unit of the heights, or leave {keyword('roofs')} out",
         )
+
+
+def check_roofs(city: CityMap, given: np.ndarray | None) -> np.ndarray | None:
+    """Return the roofs ``given`` for the buildings of ``city``, as of `evocity.scene.scene`, as
+    int64 ``(n, 2)``. Raises `MapError` for other arrays."""
+    if given is None:
+        return None
+    count = len(city.buildings)
+    try:
+        array = np.asarray(given)
+    except ValueError:  # lists of several lengths
+        array = np.empty(0)
+    legal = array.shape == (count, 2) and array.dtype.kind in "iu"
+    if legal and count:
+        (low, least), (high, most) = array.min(axis=0), array.max(axis=0)
+        legal = low >= -1 and high < len(SHAPES) and least >= 0 and most <= 1
+    if not legal:
+        raise MapError(
+            f"given_roofs = {spell(given)} for a map with {count} buildings",
+            f"whole numbers ({count}, 2): the number of a shape, -1 to {len(SHAPES) - 1}; and 0 "
+            "for eaves or 1 for ridges",
+            "take them from evocity.genome.building_roofs(city, genome)",
+        )
+    return array.astype(np.int64)

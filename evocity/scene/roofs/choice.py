@@ -129,12 +129,12 @@ def _elongation(polygons: np.ndarray, chosen: np.ndarray) -> np.ndarray:
 
 
 def slopes_of(
-    depth: np.ndarray, eaves: np.ndarray, choice: Choice, storey: float, ridges: bool
+    depth: np.ndarray, eaves: np.ndarray, choice: Choice, storey: float, ridges: np.ndarray
 ) -> np.ndarray:
     """Return the rise per metre of each roof, float64 ``(n,)``; 0 where the roof is flat.
 
     depth : float64 ``(n,)``, from the eaves to the ridge, metres. eaves, storey : metres.
-    ridges : whether the heights are those of the ridges; the eaves then lie below.
+    ridges : bool ``(n,)``, whether the height is that of the ridge; the eaves then lie below.
 
     A roof rises by two storeys at most on a house and one and a half otherwise, and by no more than
     .8 of the height of the eaves.
@@ -146,7 +146,7 @@ def slopes_of(
     pitch = steep + (low - steep) * share
     pitch = np.where(choice.mono & ~choice.shed, np.minimum(pitch, 20.0), pitch)
     most = np.where(house, 2.0, 1.5) * storey
-    most = np.minimum(most, (0.4 if ridges else 0.8) * eaves)
+    most = np.minimum(most, np.where(ridges, 0.4, 0.8) * eaves)
     slope = np.minimum(np.tan(np.radians(pitch)), most / np.maximum(depth, 1e-9))
     least = np.tan(np.radians(np.where(choice.mono, *_LEAST)))
     return np.where(choice.may & (slope >= least), slope, 0.0)

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evocity.formats.numbering import number_rows
 from evocity.formats.solids import Rings
 from evocity.scene.roofs import _kernels
+from evocity.views.surfaces import shared_segments
 
 #: Edges that deviate less from the first edge of a side belong to it, degrees.
 SPREAD = 15.0
@@ -43,17 +43,26 @@ class Sides:
     after: np.ndarray
 
 
-def sides_of(rings: Rings, heights: np.ndarray, size: tuple[float, float], widest: float) -> Sides:
+def sides_of(
+    rings: Rings,
+    heights: np.ndarray,
+    size: tuple[float, float],
+    widest: float,
+    own: np.ndarray | None = None,
+) -> Sides:
     """Return the sides of buildings.
 
     rings : the rings of all buildings of a map, a valid coverage, metres.
     heights : float64 ``(n,)``, of the eaves, metres.
     size : width and depth of the map, metres.
     widest : most length of the end of a wing, metres.
+    own : float64 ``(p, 2)``, the points of each building in metres from a point of its own; None
+        means those of the rings.
     """
     points, after, owner = rings.points, rings.after, rings.owner
-    of_edge, count = _kernels.sides(points, rings.starts, np.cos(np.radians(SPREAD)))
-    length = np.hypot(*(points[after] - points).T)
+    own = points if own is None else own
+    of_edge, count = _kernels.sides(own, rings.starts, np.cos(np.radians(SPREAD)))
+    length = np.hypot(*(own[after] - own).T)
     beside = neighbours(points, points[after], owner)
     shared = beside >= 0
     level = np.where(shared, heights[beside], -np.inf)
@@ -79,7 +88,7 @@ def sides_of(rings: Rings, heights: np.ndarray, size: tuple[float, float], wides
     some = np.empty(count, np.int64)
     some[of_edge[edges]] = edges
     first[lone], last[lone] = some[lone], some[lone]
-    ways = points[after[last]] - points[first]
+    ways = own[after[last]] - own[first]
     ways /= np.maximum(np.hypot(*ways.T), 1e-9)[:, None]
     previous, following = of_edge[back[first]], of_edge[after[last]]
     inner, outer = ways[previous], ways[following]
@@ -97,9 +106,7 @@ def sides_of(rings: Rings, heights: np.ndarray, size: tuple[float, float], wides
 def neighbours(starts: np.ndarray, ends: np.ndarray, owner: np.ndarray) -> np.ndarray:
     """Return the other building on each edge, int64 ``(p,)``, -1 without one. Edges of a coverage
     are the same on both sides."""
-    rows = np.concatenate([np.hstack([starts, ends]), np.hstack([ends, starts])])
-    number = number_rows(rows)
-    own, other = number[: len(starts)], number[len(starts) :]
-    of = np.full(number.max(initial=-1) + 1, -1)
-    of[own] = owner
-    return of[other]
+    one, other = shared_segments(np.stack([starts, ends], axis=1))
+    beside = np.full(len(owner), -1)
+    beside[one], beside[other] = owner[other], owner[one]
+    return beside

@@ -32,6 +32,8 @@ LEAST = 0.06, 8e-3
 NARROWEST = 4e-3
 # Rounding of corners in files, metres, and the most a corner of a narrow face may tilt it.
 _GRAIN, _TILT = 7e-4, 0.2
+# Parts of a metre to which corners of roofs are rounded.
+_PARTS = 5000
 #: Most share of a plan under a flat part of a pitched roof.
 _DECK = 0.5
 
@@ -51,6 +53,7 @@ def raise_roofs(
     storey: float,
     ridges: bool,
     shapes: np.ndarray | None = None,
+    given: np.ndarray | None = None,
 ) -> list[Group]:
     """Put pitched roofs on the buildings of a scene.
 
@@ -61,6 +64,8 @@ def raise_roofs(
         the eaves.
     shapes : float64 ``(m, 4)``, shapes from the source, as of `CityMap.roof_shapes`, but in metres
         from the south-west corner; or None.
+    given : int ``(n, 2)``, the roof of each building by its id, as of `evocity.scene.Scene`; it
+        comes in place of ``ridges`` and ``shapes``. Or None.
 
     Each roof is the weighted straight skeleton of its plan. No roof slopes to a wall that it shares
     with a building that reaches its eaves, and no ridge is farther than 8 m from its eaves: what
@@ -78,10 +83,20 @@ def raise_roofs(
     heights = np.concatenate([groups[k].heights for k in chosen])
     able = np.concatenate([_able(groups[k]) for k in chosen])
     rings = rings_of(polygons)
-    sides = sides_of(rings, heights, size, WIDEST)
-    choice = choose_shapes(polygons, heights, able, sides, given_shapes(polygons, shapes))
+    stated, ends = given_shapes(polygons, shapes), np.full(len(polygons), ridges)
+    if given is not None:
+        ids = [number or 0 for k in chosen for number in groups[k].attributes["id"]]
+        stated, ends = np.concatenate([[(-1, 0)], given])[ids].T
+        ends = ends > 0
     first = rings.starts[rings.first(len(polygons))]
-    made = _Making(polygons, rings, first, heights, sides, choice, storey, ridges)
+    placed = rings.points
+    # each building in metres from its first point, so that its roof is the same all over the map
+    own = np.round(placed - placed[first[:-1]][rings.owner], 6)
+    polygons = _moved_home(polygons)
+    sides = sides_of(rings, heights, size, WIDEST, own)
+    choice = choose_shapes(polygons, heights, able, sides, stated)
+    rings = replace(rings, points=own)
+    made = _Making(polygons, rings, placed, first, heights, sides, choice, storey, ends)
     for moves in (choice.moves, choice.plain):
         for least in LEAST:
             made.attempt(np.flatnonzero(choice.may & (made.shapes == FLAT)), moves, least)
@@ -105,6 +120,18 @@ def raise_roofs(
             roofs=None if shells is None else shells.take(rows),
         )
     return done
+
+
+def _rounded(points: np.ndarray) -> np.ndarray:
+    """Round points so that none lies half way between two millimetres, as files have them."""
+    return np.floor(points * _PARTS + 0.5) / _PARTS
+
+
+def _moved_home(polygons: np.ndarray) -> np.ndarray:
+    """Move each polygon so that its first point is the origin."""
+    points, of = shapely.get_coordinates(polygons, return_index=True)
+    begin = np.searchsorted(of, np.arange(len(polygons)))
+    return shapely.set_coordinates(polygons.copy(), np.round(points - points[begin][of], 6))
 
 
 def given_shapes(polygons: np.ndarray, shapes: np.ndarray | None) -> np.ndarray:
@@ -141,14 +168,16 @@ class _Making:
         self,
         polygons: np.ndarray,
         rings: Rings,
+        placed: np.ndarray,
         first: np.ndarray,
         heights: np.ndarray,
         sides: Sides,
         choice: Choice,
         storey: float,
-        ridges: bool,
+        ridges: np.ndarray,
     ):
         self.polygons, self.rings, self.first, self.sides = polygons, rings, first, sides
+        self.placed = placed
         self.choice, self.storey, self.ridges = choice, storey, ridges
         self.after = rings.after
         self.shapes = np.full(len(polygons), FLAT)
@@ -171,7 +200,7 @@ class _Making:
         depth[rows] = [roof.skeleton.depth for roof in roofs.values()]
         slopes = slopes_of(depth, given, self.choice, self.storey, self.ridges)
         rises = slopes * depth
-        eaves = given - rises if self.ridges else given
+        eaves = np.where(self.ridges, given - rises, given)
         pieces = {
             k: self._faces(k, roof, float(slopes[k]), float(eaves[k]))
             for k, roof in roofs.items()
@@ -191,6 +220,7 @@ class _Making:
         found = skeleton_of(points, after, weights, WIDEST / 2, least)
         if found is None:
             return None
+        found.nodes[len(points) :, :2] = _rounded(found.nodes[len(points) :, :2])
         deck = np.empty((0, 3), np.int64)
         if len(found.deck):
             made = _deck(found)
@@ -236,6 +266,14 @@ class _Making:
             if tops.min() > 0.85 * skeleton.depth and np.ptp(high, axis=0).max() < skeleton.depth:
                 return PYRAMIDAL
         return HIPPED if own.all() or (own & hips).any() else GABLED
+
+    def place(self, k: int, nodes: np.ndarray) -> np.ndarray:
+        """Move the nodes of a building to its place on the map."""
+        own = self.placed[self.first[k] : self.first[k + 1]]
+        points = nodes.copy()
+        points[:, :2] += own[0]
+        points[: len(own), :2] = own
+        return points
 
     def shells(self) -> Shells | None:
         """Join the faces of all buildings."""
@@ -321,7 +359,7 @@ def _check(pieces: dict, making: _Making) -> dict[int, Shells]:
         low, high = np.searchsorted(whose, (k, k + 1)).tolist()
         first, last = np.searchsorted(of, (low, high))
         shell = Shells(
-            points=points[k],
+            points=making.place(k, points[k]),
             corners=flat,
             starts=begin[low : high + 1] - begin[low],
             owner=np.zeros(high - low, np.int64),

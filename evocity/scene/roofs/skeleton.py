@@ -60,8 +60,7 @@ def skeleton_of(
     room = 8 * n + 16
     nodes, arcs = np.empty((room, 3)), np.empty((2 * room, 4), np.int64)
     deck = np.empty((room, 3), np.int64)
-    middle = points.mean(axis=0)
-    local = np.ascontiguousarray(points - middle)
+    local = np.ascontiguousarray(points - points[0])
     # the room for corners and nodes is that of nodes
     count, many, sides = _kernels.skeleton(local, after, weights, float(most), nodes, arcs, deck)
     if not count:
@@ -72,7 +71,7 @@ def skeleton_of(
     if not _kernels.trace(after, weights, root, arcs, many, deck, sides, corners, starts):
         return None
     nodes = nodes[:count]
-    nodes[:, :2] += middle
+    nodes[:, :2] += points[0]
     nodes[:n, :2] = points
     ends = root[deck[:sides, :2]]
     ends = ends[ends[:, 0] != ends[:, 1]]

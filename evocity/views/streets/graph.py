@@ -267,8 +267,9 @@ def _build(
     place = _majority(edge, np.pad(where, 1, constant_values=-1).ravel()[lines.path], count)
     clear, least = (values * pixel for values in edge_values(lines, ground.across))
     near = ground.across.ravel()[lines.path]
+    square, frame = along_hubs(lines, ground), lines.out[np.stack([lines.first, lines.last], 1)]
     across = measure_facades(
-        points, lines.starts, _walls(made), near, along_hubs(lines, ground), pixel
+        points, lines.starts, lines.path, _walls(made), near, square, frame, pixel
     )
     width, low, high = (
         np.where(across.places, own, clear) for own in (across.median, across.low, across.high)

@@ -7,6 +7,14 @@
 """
 
 from evocity.views.surfaces.coverage import KINDS, GroundCover, cover_map, ground_cover
+from evocity.views.surfaces.faces import shared_segments
 from evocity.views.surfaces.regions import polygons_of
 
-__all__ = ["KINDS", "GroundCover", "cover_map", "ground_cover", "polygons_of"]
+__all__ = [
+    "KINDS",
+    "GroundCover",
+    "cover_map",
+    "ground_cover",
+    "polygons_of",
+    "shared_segments",
+]

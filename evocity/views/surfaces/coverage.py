@@ -1,5 +1,6 @@
 """Buildings and the ground between them as one coverage: its kinds, and how it is made."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -10,14 +11,20 @@ from evocity.views.buildings import outlines
 from evocity.views.connected_components import pieces
 from evocity.views.streets import ALLEY_WIDTH, StreetGraph
 from evocity.views.surfaces.faces import (
-    Faces,
     cut_into_faces,
     dissolve,
     join_small,
     pair_segments,
     segments_of,
+    widen_necks,
 )
-from evocity.views.surfaces.regions import lane_region, square_regions, street_regions, water_region
+from evocity.views.surfaces.regions import (
+    cut_out,
+    lane_region,
+    square_regions,
+    street_regions,
+    water_region,
+)
 from evocity.views.walls import Walls
 from evocity.views.walls.coverage import find_pinched
 
@@ -89,15 +96,19 @@ def ground_cover(
     Source: snap rounding by GEOS (Hobby 1999, Computational Geometry 13:199-214).
     """
     moved = -np.array(offset)
-    built, whole = shapely.union_all(buildings), shapely.union_all(site)
-    ground = shapely.difference(whole, built)
-    wet = shapely.Polygon() if water is None else water_region(water, ground, pixel, corner)
-    dry = shapely.difference(ground, wet)
+    built = shapely.disjoint_subset_union_all(buildings)
+    whole = shapely.disjoint_subset_union_all(site)
+    dry = ground = shapely.difference(whole, built)
+    wet = shapely.Polygon()
+    if water is not None:
+        wet = water_region(water, ground, pixel, corner)
+        dry = shapely.difference(ground, wet)
     places = square_regions(graph, moved, dry, pixel)
-    dry = shapely.difference(dry, shapely.union_all(places))
+    dry = cut_out(dry, places)
     streets, carriageways = street_regions(graph, moved, dry, built, pixel)
     paths = lane_region(lanes, moved, dry, pixel)
     grid = GRID if pixel >= 25 * GRID else pixel / 25
+    buildings = widen_necks(buildings, grid)
     areas = [
         *buildings,
         *site,
@@ -110,9 +121,10 @@ def ground_cover(
     faces = cut_into_faces(np.array(areas, dtype=object), grid)
     # of all regions that hold a face the first counts; 0 is what no region holds
     regions = [wet, *places, *(surface for _, surface in carriageways), streets, paths]
-    labels = _labels(faces, regions)
-    owner = _owners(faces, buildings)
-    outside = (owner < 0) & ~_within(whole, faces.inside)
+    points = shapely.STRtree(shapely.points(faces.inside))
+    labels = _holders(points, regions) + 1
+    owner = _holders(points, buildings)
+    outside = (owner < 0) & (_holders(points, [whole]) < 0)
     solid = (owner >= 0) | outside
     labels = np.where(owner >= 0, len(regions) + 1 + owner, np.where(outside, -1, labels))
     labels = join_small(faces, labels, solid, LEAST, THIN)
@@ -198,29 +210,16 @@ def cover_map(
     return ground_cover(buildings, outer, *graphs, pixel, corner, offset=offset, water=water)
 
 
-def _within(area: shapely.Geometry, points: np.ndarray) -> np.ndarray:
-    shapely.prepare(area)
-    return shapely.contains_xy(area, points)
-
-
-def _labels(faces: Faces, regions: list[shapely.Geometry]) -> np.ndarray:
-    """Number the first region around each face, from 1; 0 for none."""
-    labels = np.zeros(len(faces), np.int64)
-    for k in range(len(regions), 0, -1):
-        labels[_within(regions[k - 1], faces.inside)] = k
-    return labels
-
-
-def _owners(faces: Faces, buildings: np.ndarray) -> np.ndarray:
-    """Find the building of each face: int64 ``(n,)``, -1 for none."""
-    owner = np.full(len(faces), -1)
-    if len(buildings):
-        shapely.prepare(buildings)
-        face, building = shapely.STRtree(buildings).query(
-            shapely.points(faces.inside), predicate="within"
-        )
-        owner[face[::-1]] = building[::-1]
-    return owner
+def _holders(points: shapely.STRtree, areas: Sequence[shapely.Geometry] | np.ndarray) -> np.ndarray:
+    """Find the first of ``areas``, polygons or multipolygons, around each of ``points``: int64
+    ``(n,)``, -1 for none."""
+    holder = np.full(len(points), -1)
+    parts, of = shapely.get_parts(np.array(areas, dtype=object), return_index=True)
+    if len(parts):
+        part, point = points.query(parts, predicate="contains")
+        order = np.argsort(-of[part], kind="stable")  # the first area is written last
+        holder[point[order]] = of[part[order]]
+    return holder
 
 
 def _footprints(

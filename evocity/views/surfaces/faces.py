@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from evocity.views.walls.coverage import find_pinched
+
 
 @dataclass(frozen=True, eq=False)
 class Faces:
@@ -36,12 +38,39 @@ def cut_into_faces(areas: np.ndarray, grid: float) -> Faces:
     return Faces(polygons, inside, *_neighbours(polygons))
 
 
+def widen_necks(buildings: np.ndarray, grid: float) -> np.ndarray:
+    """Widen the necks of buildings that would touch themselves on a ``grid``, metres, by squares
+    of six steps. Neighbours give way."""
+    if not len(buildings):
+        return buildings
+    snapped = shapely.set_precision(buildings, grid)
+    broken = np.flatnonzero((shapely.get_type_id(snapped) != 3) | find_pinched(snapped))
+    if not len(broken):
+        return buildings
+    buildings = buildings.copy()
+    tree = shapely.STRtree(buildings)
+    for k in broken.tolist():
+        rings, ring = shapely.get_coordinates(
+            shapely.get_rings(shapely.get_parts(snapped[k])), return_index=True
+        )
+        first = np.r_[True, ring[1:] != ring[:-1]]  # a ring repeats its first point
+        points, often = np.unique(rings[~first], axis=0, return_counts=True)
+        x, y = points[often > 1].T
+        squares = shapely.box(x - 3 * grid, y - 3 * grid, x + 3 * grid, y + 3 * grid)
+        whole = shapely.union_all([buildings[k], *squares])
+        if not len(squares) or shapely.get_type_id(whole) != 3:
+            continue
+        near = tree.query(whole, predicate="intersects")
+        near = near[near != k]
+        cut = shapely.difference(buildings[near], shapely.union_all(squares))
+        if (shapely.get_type_id(cut) == 3).all():
+            buildings[near], buildings[k] = cut, whole
+    return buildings
+
+
 def _neighbours(polygons: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     bits, owner = segments_of(polygons)
-    number, _ = pair_segments(bits)
-    order = np.argsort(number, kind="stable")
-    twice = np.flatnonzero(number[order][1:] == number[order][:-1])
-    one, other = order[twice], order[twice + 1]
+    one, other = shared_segments(bits)
     length = np.hypot(*(bits[one, 1] - bits[one, 0]).T)
     return owner[one], owner[other], length
 
@@ -54,6 +83,15 @@ def segments_of(polygons: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     same = ring[1:] == ring[:-1]
     bits = np.stack([points[:-1], points[1:]], axis=1)[same]
     return bits, of[ring[1:][same]]
+
+
+def shared_segments(bits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find the edges that two polygons of a coverage share, among edges ``(k, 2, 2)``: the index of
+    the edge on each side, int64 ``(e,)``."""
+    number, _ = pair_segments(bits)
+    order = np.argsort(number, kind="stable")
+    twice = np.flatnonzero(number[order][1:] == number[order][:-1])
+    return order[twice], order[twice + 1]
 
 
 def pair_segments(bits: np.ndarray) -> tuple[np.ndarray, int]:

@@ -4,7 +4,7 @@ y to the south, from the map's north-west corner."""
 import numpy as np
 
 from evocity.accelerate import kernel
-from evocity.views.walls.fitting._kernels import _crossing, _douglas_peucker, farthest
+from evocity.views.walls.fitting._kernels import _crossing, _douglas_peucker, farthest, rounded
 
 #: What lies beyond the map, or beyond its site.
 BEYOND = -1
@@ -213,16 +213,16 @@ def _corners(vertices, runs, first, last, ends, nodes, lines, line, most, points
         px = 0.5 * (vertices[runs[run, 1], 0] + vertices[runs[after, 0], 0])
         py = 0.5 * (vertices[runs[run, 1], 1] + vertices[runs[after, 0], 1])
         gap = np.hypot(vertices[runs[run, 1], 0] - px, vertices[runs[run, 1], 1] - py)
-        x, y, sine = _crossing(
-            one[0], one[1], one[2], one[3], other[0], other[1], other[2], other[3]
-        )
-        if sine > 0.1 and np.hypot(x - px, y - py) <= most + gap:
-            points[place, 0], points[place, 1] = x, y
+        ax, ay, bx, by = one[0] - px, one[1] - py, other[0] - px, other[1] - py
+        x, y, sine = _crossing(ax, ay, one[2], one[3], bx, by, other[2], other[3])
+        if sine > 0.1 and np.hypot(x, y) <= most + gap:
+            points[place, 0], points[place, 1] = px + rounded(x), py + rounded(y)
             place += 1
             continue
         for at in (one, other):
             along = (px - at[0]) * at[2] + (py - at[1]) * at[3]
-            points[place, 0], points[place, 1] = at[0] + along * at[2], at[1] + along * at[3]
+            points[place, 0] = px + rounded(at[0] - px + along * at[2])
+            points[place, 1] = py + rounded(at[1] - py + along * at[3])
             place += 1
         step = points[place - 1] - points[place - 2]
         if np.hypot(step[0], step[1]) < 0.35:

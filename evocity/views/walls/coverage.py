@@ -15,9 +15,9 @@ _MOST = 2.0
 #: Grid of corners, metres from the map's south-west corner; or a thousandth of a pixel, if that is
 #: less. So files with this precision hold the same valid polygons.
 GRAIN = 1e-3
-#: Corners of an arc nearer than this to the corner before are left out, metres, or a share of a
-#: pixel, if that is less: validators take such corners for one.
-NEAR = 5e-3
+#: Corners of an arc nearer than this to the corner before are left out, steps of the grid:
+#: validators take corners within 5 mm for one. No two corners are exactly this far apart.
+NEAR = 4.9
 #: Most pixels of a building that must not become a triangle.
 FEW = 4
 #: Levels of an arc: fitted lines, simplified edges of pixels, edges of pixels.
@@ -59,18 +59,22 @@ def build_coverage(
     small = arcs.closed & (np.diff(lines.begins) < 3) & (lines.box_of < 0)
     levels = np.where(fixed | small, STAIRS, FITTED).astype(np.uint8)
 
+    # all tests count in steps of the grid, so that they have the same answer all over the map
+    grain = min(1.0, metres_per_pixel) * GRAIN
+    step = metres_per_pixel / grain
+    south_west = corner[0], corner[1] - len(arcs.labels) * metres_per_pixel
+
     def lay():
         still = np.zeros(len(arcs.nodes), bool)
         stairs = (levels == STAIRS) & ~fixed & ~arcs.closed
         still[arcs.ends[stairs].ravel()] = True
         at = np.where(still[:, None], arcs.nodes, nodes)
         points, starts = _lay_arcs(arcs, lines, at, levels)
-        placed = _to_grid(points, metres_per_pixel, len(arcs.labels), corner)
-        return _drop_near(placed, starts, NEAR * min(1.0, metres_per_pixel))
+        return _drop_near(_to_grid(points, step, len(arcs.labels)), starts, NEAR)
 
     while True:
         points, starts = lay()
-        odd = rings.odd(points, starts, metres_per_pixel) & (levels < STAIRS)[:, None]
+        odd = rings.odd(points, starts, step) & (levels < STAIRS)[:, None]
         if odd.any():
             levels[odd[:, 0]] += 1
             levels[odd[:, 1]] = STAIRS
@@ -79,9 +83,13 @@ def build_coverage(
         bad = ~shapely.is_valid(polygons)
         edges = shapely.coverage_invalid_edges(polygons)
         bad |= ~(shapely.is_empty(edges) | shapely.is_missing(edges))
-        bad |= find_pinched(polygons)
+        bad |= find_pinched(polygons, 1e-6 / grain)
         if not bad.any():
-            return Coverage(shapely.remove_repeated_points(polygons), labels, levels)
+            polygons = shapely.remove_repeated_points(polygons)
+            placed = shapely.transform(polygons, lambda at: at * grain + south_west)
+            bad = ~shapely.is_valid(placed)
+            if not bad.any():
+                return Coverage(placed, labels, levels)
         wrong = np.unique(labels[bad])
         beside = np.isin(arcs.left, wrong) | np.isin(arcs.right, wrong)
         crossing = _crossing(points, starts, beside) & (levels < STAIRS)
@@ -95,15 +103,11 @@ def build_coverage(
             crossing = _crossing(points, starts, beside) & (levels < STAIRS)
 
 
-def _to_grid(
-    points: np.ndarray, metres_per_pixel: float, rows: int, corner: tuple[float, float]
-) -> np.ndarray:
-    """Convert ``points`` from pixels to metres, x to the east, y to the north, on the grid of
-    `GRAIN`."""
-    grain = min(1.0, metres_per_pixel) * GRAIN
-    deep = rows * metres_per_pixel
-    local = np.column_stack([points[:, 0], rows - points[:, 1]]) * metres_per_pixel
-    return np.round(local / grain) * grain + (corner[0], corner[1] - deep)
+def _to_grid(points: np.ndarray, step: float, rows: int) -> np.ndarray:
+    """Convert ``points`` from pixels to whole steps of the grid of `GRAIN`, ``step`` steps a pixel:
+    x to the east, y to the north."""
+    local = np.column_stack([points[:, 0], rows - points[:, 1]])
+    return np.floor(local * step + 0.5)
 
 
 def _drop_near(
@@ -126,9 +130,9 @@ def _drop_near(
     return points[~dropped], before[starts]
 
 
-def find_pinched(polygons: np.ndarray) -> np.ndarray:
-    """Select the polygons that pass a point twice: bool ``(n,)``. As solids they would have an edge
-    of four walls."""
+def find_pinched(polygons: np.ndarray, least: float = 1e-6) -> np.ndarray:
+    """Select the polygons that pass a point twice, or come nearer than ``least`` to it: bool
+    ``(n,)``. As solids they would have an edge of four walls."""
     import shapely
 
     plain = shapely.remove_repeated_points(polygons)
@@ -142,7 +146,7 @@ def find_pinched(polygons: np.ndarray) -> np.ndarray:
     pinches = np.zeros(len(polygons), bool)
     pinches[owner[1:][twice]] = True
     holed = np.flatnonzero(shapely.get_num_interior_rings(plain))  # with a corner on a wall
-    pinches[holed] |= shapely.minimum_clearance(plain[holed]) < 1e-6
+    pinches[holed] |= shapely.minimum_clearance(plain[holed]) < least
     return pinches
 
 
@@ -214,7 +218,7 @@ def _crossing(points: np.ndarray, starts: np.ndarray, among: np.ndarray) -> np.n
             same = (a[:, i] == b[:, j]).all(axis=1)
             u, v = a[:, 1 - i] - a[:, i], b[:, 1 - j] - b[:, j]
             cross = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-            diverge = (np.abs(cross) > 1e-9) | ((u * v).sum(axis=1) < 0)
+            diverge = (cross != 0) | ((u * v).sum(axis=1) < 0)
             shared |= same & diverge
     crossing[arc[begins[one[~shared]]]] = True
     crossing[arc[begins[other[~shared]]]] = True
@@ -257,7 +261,7 @@ class _Rings:
         size = _kernels.lay_rings(self._order, self._count, self._ring_of, points, starts, out, at)
         return out[:size], at[:size]
 
-    def odd(self, points, starts, metres_per_pixel: float) -> np.ndarray:
+    def odd(self, points, starts, step: float) -> np.ndarray:
         """Select arcs that must fall back: bool ``(arcs, 2)``.
 
         First column: arcs of rings that turned over or collapsed, and of buildings less than half
@@ -269,8 +273,8 @@ class _Rings:
         same = (at[1:] == at[:-1]) & (out[1:] == out[:-1]).all(axis=1)
         corners = np.bincount(at, minlength=len(areas)) - 1
         corners -= np.bincount(at[1:][same], minlength=len(areas))
-        flat = (corners < 3) | (np.where(self._shell, areas, -areas) <= 1e-9)
-        share = np.bincount(self._labels, areas, len(self._pixels)) / metres_per_pixel**2
+        flat = (corners < 3) | (np.where(self._shell, areas, -areas) <= 0)
+        share = np.bincount(self._labels, areas, len(self._pixels)) / step**2
         share /= np.maximum(self._pixels, 1)
         unlike = ((share < 0.5) | (share > 2))[self._labels]
         triangle = self._shell & (corners < 4) & (self._pixels[self._labels] <= FEW)
@@ -279,8 +283,7 @@ class _Rings:
             of_half = (self._ring_of >= 0) & of_ring[self._ring_of]
             odd[:, column] = of_half.reshape(-1, 2).any(axis=1)
         first, last = points[starts[:-1]], points[starts[1:] - 1]
-        least = NEAR * min(1.0, metres_per_pixel)
-        odd[:, 1] |= (np.diff(starts) == 2) & (((last - first) ** 2).sum(axis=1) < least**2)
+        odd[:, 1] |= (np.diff(starts) == 2) & (((last - first) ** 2).sum(axis=1) < NEAR**2)
         return odd
 
     def polygons(self, points, starts) -> tuple[np.ndarray, np.ndarray]:

@@ -7,12 +7,14 @@ from evocity.accelerate import kernel
 
 
 @kernel
-def distances_along(ground, starts, ways, reach, distances):
+def distances_along(ground, lines, starts, ways, own, reach, distances):
     """distances[k] = how far, px, the ray from ``starts[k]`` in direction ``ways[k]`` runs to the
-    edge of the first wall's pixel; -1 if it ends at ``reach`` px, or leaves the map before.
+    edge of the first wall's pixel; -1 if it ends at ``reach`` px, leaves the map, or crosses
+    another line before.
 
     ground : uint8 (H, W), 0 open, 1 wall, 2 beyond the map; what lies beyond the array is beyond
-    the map too. starts, ways : float64 (n, 2), row and column; ways have the length 1.
+    the map too. lines : int32 (H, W), the line of each pixel, 0 for none; the ray passes its
+    ``own`` one, int32 (n,). starts, ways : float64 (n, 2), row and column; ways have the length 1.
     """
     rows, columns = ground.shape
     for k in range(distances.size):
@@ -29,6 +31,8 @@ def distances_along(ground, starts, ways, reach, distances):
         while away <= reach and 0 <= y < rows and 0 <= x < columns and ground[y, x] != 2:
             if ground[y, x] == 1:
                 distances[k] = away
+                break
+            if lines[y, x] != 0 and lines[y, x] != own[k]:
                 break
             if next_y < next_x:
                 away = next_y

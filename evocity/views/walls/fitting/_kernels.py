@@ -5,6 +5,16 @@ import numpy as np
 
 from evocity.accelerate import kernel
 
+#: Parts of a pixel to which the points of lines and corners are rounded. So a wall is the same, bit
+#: for bit, wherever its building lies on the map.
+PARTS = float(1 << 20)
+
+
+@kernel
+def rounded(length):
+    """Round a ``length``, px, to `PARTS` of a pixel."""
+    return np.floor(length * PARTS + 0.5) / PARTS
+
 
 @kernel
 def _sums(points, first, last, sums):
@@ -264,10 +274,13 @@ def split_arcs(vertices, starts, ends, fixed, details, runs, begins):
             around = vertices[first : last - 1].copy()
             size = last - 1 - first
             x, y = 0.0, 0.0
-            for k in range(size):
-                x += around[k, 0]
-                y += around[k, 1]
-            at = farthest(around, x / size, y / size)
+            own = np.empty((size, 2))
+            for k in range(size):  # whole numbers, so that equal distances stay equal
+                own[k, 0] = size * (around[k, 0] - around[0, 0])
+                own[k, 1] = size * (around[k, 1] - around[0, 1])
+                x += around[k, 0] - around[0, 0]
+                y += around[k, 1] - around[0, 1]
+            at = farthest(own, x, y)
             for k in range(size + 1):
                 vertices[first + k] = around[(at + k) % size]
         corners = vertices[first:last].astype(np.float64)
@@ -320,8 +333,8 @@ def box_small(vertices, starts, able, directions, most, shape, box_of, boxes):
             turn = k % 4 if area > 0 else (4 - k) % 4
             along = long * scale * (1 if turn == 1 or turn == 2 else -1)
             across = wide * scale * (1 if turn >= 2 else -1)
-            boxes[count, k, 0] = x0 + x + along * cos - across * sin
-            boxes[count, k, 1] = y0 + y + along * sin + across * cos
+            boxes[count, k, 0] = x0 + rounded(x + along * cos - across * sin)
+            boxes[count, k, 1] = y0 + rounded(y + along * sin + across * cos)
         box_of[arc] = count
         count += 1
     return count
@@ -352,7 +365,7 @@ def lines_of(sums, lines):
     """A point and the direction of the line of each row of `moments` into ``lines`` (k, 4)."""
     for k in range(sums.shape[0]):
         x, y, lines[k, 2], lines[k, 3], _ = line_of(sums[k])
-        lines[k, 0], lines[k, 1] = x + sums[k, 6], y + sums[k, 7]
+        lines[k, 0], lines[k, 1] = rounded(x) + sums[k, 6], rounded(y) + sums[k, 7]
 
 
 @kernel
@@ -392,8 +405,8 @@ def pool(sums, nodes, meeting, begins, group, turn, length, spread):
     middles = np.empty((group.size, 2))
     for run in range(group.size):
         group[run] = run
-        middles[run, 0] = sums[run, 6] + sums[run, 1] / sums[run, 0]
-        middles[run, 1] = sums[run, 7] + sums[run, 2] / sums[run, 0]
+        middles[run, 0] = sums[run, 6] + rounded(sums[run, 1] / sums[run, 0])
+        middles[run, 1] = sums[run, 7] + rounded(sums[run, 2] / sums[run, 0])
     for node in range(begins.size - 1):
         for i in range(begins[node], begins[node + 1]):
             for j in range(i + 1, begins[node + 1]):
@@ -475,7 +488,7 @@ def place_nodes(nodes, meeting, begins, lines, line, sides, most):
         away = np.hypot(x, y)
         if away > most:
             x, y = x * most / away, y * most / away
-        nodes[node, 0], nodes[node, 1] = x0 + x, y0 + y
+        nodes[node, 0], nodes[node, 1] = x0 + rounded(x), y0 + rounded(y)
 
 
 # -- what the pixels allow ----------------------------------------------------------------------
@@ -604,8 +617,8 @@ def _set(line, left, right, count, slope):
     low, high = _between(left, right, count, slope)
     middle = 0.5 * (low + high)
     dx, dy = line[2], line[3]
-    line[0] += middle * dy
-    line[1] -= middle * dx
+    line[0] += rounded(middle * dy)
+    line[1] -= rounded(middle * dx)
     length = np.sqrt(1 + slope * slope)
     line[2], line[3] = (dx + slope * dy) / length, (dy - slope * dx) / length
 
