@@ -64,7 +64,7 @@ def large(path: Path) -> None:
         told("nothing new", lambda: (time.sleep(0.6), client.get("/api/0/changes?after=9999")))
         told("births again", lambda: client.get("/api/0/births"))
         told("one birth", lambda: client.get(f"/api/0/one?id={last}"))
-        told("its pedigree, four steps", lambda: client.get(f"/api/0/pedigree?id={last}&steps=4"))
+        told("parents of all births", lambda: client.get("/api/0/part?name=lineage"))
         if BROWSER:
             page(server)
 
@@ -88,6 +88,7 @@ def page(server) -> None:
             time.sleep(0.02)
         print(f"{'page ready, its own thread':30} {spent():7.3f} s")
         print(f"{'page ready, by the clock':30} {time.monotonic() - began:7.3f} s")
+        seen.evaluate("() => studio.run.viewer.change({ view: 'axes' })")
         seen.wait_for_timeout(1000)
         names = [one["name"] for one in seen.evaluate("() => studio.run.state.axes")]
         for name, act in ACTS.items():

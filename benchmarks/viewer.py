@@ -22,7 +22,7 @@ from evocity.viewer.table import Column, Table
 from evocity.viewer.widget import Widget
 
 sys.path[:0] = [str(Path(__file__).parents[1] / "tests" / one) for one in (".", "viewer")]
-from served_page import BROWSER, served  # noqa: E402
+from served_page import BROWSER, page_of, served  # noqa: E402
 
 BIRTHS, REPEATS = 64_000, 9
 READ = 'for (const one of document.querySelectorAll(".evocity-view canvas")) '
@@ -61,7 +61,7 @@ def page(measures: int) -> None:
     def pictures(ids: list[int], _: int) -> Sheet:
         return Sheet.of(dict.fromkeys(ids, grey), {})
 
-    shown = Widget(table(measures), told, pictures, axes=axes, order=order)
+    shown = Widget(page_of(table(measures), told, pictures), axes=axes, order=order)
     with served(shown) as address, sync_playwright() as started:
         browser = started.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
         seen = browser.new_page(viewport={"width": 900, "height": 1000})

@@ -115,6 +115,7 @@ class _Fitness:
     crumbs = _fitness.crumbs
     curve_dimension = _fitness.curve_dimension
     curve_length = _fitness.curve_length
+    daylight = _fitness.daylight
     elongation = _fitness.elongation
     eri = _fitness.eri
     fabric_distance = _fitness.fabric_distance
@@ -166,7 +167,9 @@ class _Fitness:
     street_width = _fitness.street_width
     type_distance = _fitness.type_distance
     types_of = staticmethod(_fitness.types_of)
+    walk_distance = _fitness.walk_distance
     whole_buildings = staticmethod(_fitness.whole_buildings)
+    winter_sun = _fitness.winter_sun
 
 class _Scene:
     __call__ = staticmethod(_scene.scene)

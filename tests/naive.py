@@ -806,6 +806,47 @@ def level(heights, zones, step):
         zones = joined
 
 
+def grow_zones(heights, zones, roofs):
+    """The open pixel closest to a zone beside it joins it, the one that was reached first of
+    equals, until no open pixel touches a zone."""
+    zones, waiting = zones.copy(), []
+
+    def reach(y, x):
+        for pixel in ((y - 1, x), (y, x - 1), (y, x + 1), (y + 1, x)):
+            inside = 0 <= pixel[0] < zones.shape[0] and 0 <= pixel[1] < zones.shape[1]
+            if inside and zones[pixel] == -1:
+                step = np.float32(abs(heights[pixel] - roofs[zones[y, x]]))
+                waiting.append((step, pixel, zones[y, x]))
+
+    for y, x in np.argwhere(zones >= 0):
+        reach(y, x)
+    while waiting:
+        _, pixel, zone = waiting.pop(min(range(len(waiting)), key=lambda at: waiting[at][0]))
+        if zones[pixel] == -1:
+            zones[pixel] = zone
+            reach(*pixel)
+    return zones
+
+
+def settled_roofs(heights, built, least, crumb_step, roof_step):
+    """Roofs grown from flat zones; components without such a zone settled building by building."""
+    flat = flat_zones(heights, built, roof_step)
+    sizes = np.bincount(flat.ravel())
+    seeds = (flat > 0) & (sizes[flat] >= least)
+    parts = flat_zones(heights, built, np.inf)
+    lone = built & ~np.isin(parts, parts[seeds])
+    zones = np.where(seeds, flat, np.where(lone, -2, np.where(built, -1, 0)))
+    medians = np.zeros(sizes.size, np.float32)
+    for a in np.unique(flat[seeds]):
+        inside = sorted(heights[flat == a])
+        medians[a] = inside[(len(inside) - 1) // 2]
+    grown = np.maximum(grow_zones(heights, zones, medians), 0)
+    alone = join_crumbs(heights, flat_zones(heights, lone, crumb_step), least)
+    raised = np.where(lone, heights, medians[grown]).astype(np.float32)
+    zones = np.where(lone, sizes.size + alone, grown)
+    return np.where(zones > 0, level(raised, zones, roof_step)[0], 0)
+
+
 def outline_steps(labels, a):
     """Steps out of building a: over sides, over sides into another building, over corners."""
     padded = np.pad(labels, 1)
@@ -1812,3 +1853,57 @@ def wall_sides(rings, spread):
         side += 1
         found += own
     return found
+
+
+def count_sunny(heights, ground, across, rise):
+    """Count the pixels of the ground that the sun beyond row 0 reaches: a ray from each pixel."""
+    count, columns = 0, heights.shape[1]
+    for y, x in zip(*np.nonzero(ground), strict=True):
+        line = x + math.floor(across * y + 0.5)
+        lit = True
+        for far in range(1, y + 1):
+            u = line - math.floor(across * (y - far) + 0.5)
+            if 0 <= u < columns:
+                lit &= heights[y - far, u] - (far - 0.5) * rise <= heights[y, x]
+        count += lit
+    return count
+
+
+def sky_component(horizons, azimuths, normal):
+    """Vertical sky component under the overcast sky of the CIE, by numbers: of a wall with a normal
+    of azimuth ``normal``, with the horizons at these azimuths, radians."""
+    light, weights = 0.0, 0.0
+    for horizon, azimuth in zip(horizons, azimuths, strict=True):
+        facing = max(0.0, math.cos(azimuth - normal))
+        edges = np.linspace(horizon, math.pi / 2, 2001)
+        angle = (edges[1:] + edges[:-1]) / 2
+        luminance = (1 + 2 * np.sin(angle)) / 3
+        light += facing * (luminance * np.cos(angle) ** 2).sum() * (edges[1] - edges[0])
+        weights += facing
+    return light / weights * 2 / (7 * math.pi / 9)
+
+
+def light_facades(heights, walls, normals, back, storey, starts, ways, down, along, far, pixel):
+    """Vertical sky component of each façade: every pixel of every ray, from each strip."""
+    sky = []
+    for i, (y, x, v, u) in enumerate(walls.T):
+        base, top = float(heights[y, x]), float(heights[v, u])
+        strips = max(1, math.floor((top - base) / storey + 0.5))
+        parts = []
+        for s in range(strips):
+            eye = base + (top - base) * (s + 0.5) / strips
+            facing = normals[:, i] @ ways
+            horizons = []
+            for d, (start, end) in enumerate(itertools.pairwise(starts)):
+                steepest = 0.0
+                for k in range(start, end):
+                    row, column = y + down[k], x + along[k]
+                    if 0 <= row < heights.shape[0] and 0 <= column < heights.shape[1]:
+                        away = (far[k] + back[i] * facing[d]) * pixel
+                        if away > 0:
+                            steepest = max(steepest, (float(heights[row, column]) - eye) / away)
+                horizons.append(math.atan(steepest))
+            azimuths = np.arctan2(*ways)
+            parts.append(sky_component(horizons, azimuths, math.atan2(*normals[:, i])))
+        sky.append(sum(parts) / strips)
+    return np.array(sky)

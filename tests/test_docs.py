@@ -102,7 +102,7 @@ def test_fitness_page_names_every_view_of_a_map():
     assert told == views
 
 
-@pytest.mark.parametrize("name", ["winter_sun.py", "winter-sun.toml"])
+@pytest.mark.parametrize("name", ["noon_sun.py", "noon-sun.toml"])
 def test_fitness_page_shows_the_files_of_its_example(name):
     (shown,) = re.findall(
         rf"<!-- the same as runs/{name} -->\n```\w+\n(.*?)```", text_of("docs/fitness.md"), re.S
@@ -294,6 +294,20 @@ def test_values_told_of_maps_and_codes_are_true(name):
     codes = evocity.encode(city).genome, uniformly(city).genome
     found = [evocity.fitness.gsi(one) for one in (city, *(evocity.decode(g).city for g in codes))]
     assert [float(number) for number in told.split(" / ")] == pytest.approx(found, abs=6e-4)
+
+
+@pytest.mark.parametrize(
+    ("place", "name"), [("Lyon", "lyon-1er"), ("Cape Town", "cape-town-salt-river")]
+)
+def test_values_told_of_sun_and_daylight_are_true(place, name):
+    table = rows(text_of("docs/measures.md"))
+    (head,) = [row for row in table if row[1:2] == ["`winter_sun`, h"]]
+    (told,) = [row[1:] for row in table if row[0] == place and len(row) == len(head)]
+    names = [one.partition(",")[0].strip("`").lower() for one in head[1:]]
+    city = evocity.read_map(name)
+    found = [evocity.fitness.get(one)(city) for one in names]
+    for one, value in zip(told, found, strict=True):
+        assert float(one) == pytest.approx(value, abs=0.51 if value > 100 else 6e-3)
 
 
 @pytest.mark.parametrize("name", ["lyon-1er", "montpellier-pas-du-loup"])

@@ -26,7 +26,7 @@ from evocity.search import Search
 
 OLD = Path(__file__).parent / "old"
 EXPECTED = json.loads((OLD / "expected.json").read_text(encoding="utf-8"))
-GENOMES = sorted(path.name for path in OLD.glob("*.parquet"))
+GENOMES = sorted(path.name for path in OLD.glob("genome-[12]*.parquet"))
 RUNS = ("run-1", "run-2")
 #: Of a locked run the mask lies beside the recipe, and is watched.
 MASK = OLD / "run-2-mask.npy"

@@ -1,7 +1,8 @@
 """Runs of the release of algorithms, 2026-11-23: survival by hypervolume contribution, steered
 and with refinements (schema 5), and MAP-Elites (schema 6); and one of 2026-11-24, of three islands
 with an algorithm each (schema 7), and one whose log leaves genomes out (schema 8); and two of
-2026-11-26, of sites (schema 9) and with thumbnails (schema 10).
+2026-11-26, of sites (schema 9) and with thumbnails (schema 10); and one of 2026-11-27, with settled
+roofs (schema 11).
 `tests/old/expected-algorithms.json` has what those releases made of them, and what they bred
 next."""
 
@@ -20,7 +21,7 @@ OLD = Path(__file__).parent / "old"
 EXPECTED = json.loads((OLD / "expected-algorithms.json").read_text(encoding="utf-8"))
 
 
-@pytest.fixture(params=["run-5", "run-6", "run-7", "run-8", "run-9", "run-10"])
+@pytest.fixture(params=["run-5", "run-6", "run-7", "run-8", "run-9", "run-10", "run-11"])
 def name(request):
     return request.param
 
@@ -29,8 +30,9 @@ def test_its_births_are_those_written(name):
     run, expected = evocity.open_run(OLD / name), EXPECTED[name]
     assert run.header.schema_version == int(name.removeprefix("run-"))
     marks = {"run-5": ("contribution",), "run-6": ("cell",), "run-8": ("contribution",)}
-    marks |= dict.fromkeys(("run-9", "run-10"), marks["run-5"])
+    marks |= dict.fromkeys(("run-9", "run-10", "run-11"), marks["run-5"])
     assert run.header.kind == ("site" if name == "run-9" else "fabric")
+    assert run.header.settle == ("roofs" if name == "run-11" else True)
     assert run.header.genomes == ("front" if name == "run-8" else "all")
     assert run.header.marks == marks.get(name, ("cell", "contribution", "crowding"))
     assert run.births(columns=list(expected["births"][0])).to_pylist() == expected["births"]

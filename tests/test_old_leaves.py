@@ -1,15 +1,18 @@
 """Runs of the release before algorithms, a2f85c3: on leaves (schema 3), and with measures recorded
 besides (schema 4). `tests/old/expected-leaves.json` has what that release made of them, and what it
-bred next."""
+bred next. Genome files on leaves (schema 3) and with settled roofs (schema 4), of 2026-11-27."""
 
 import hashlib
 import json
 import shutil
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 
 import evocity
+from evocity.fitness import registry
+from evocity.genome.writer import GENOME_KEY
 from evocity.report import write_report
 from evocity.search import Search
 from evocity.selection.algorithms import algorithms
@@ -56,6 +59,27 @@ def test_it_goes_on_as_it_would_have(name, tmp_path):
     assert set(run.members(5).column_names) == {"generation", "slot", "id", "rank", "crowding"}
     page = write_report(tmp_path / name).read_text(encoding="utf-8")
     assert page.count("data:image/png;base64,") > 3
+
+
+@pytest.mark.parametrize("version", [3, 4])
+def test_a_genome_on_leaves_is_read_as_it_was(version, tmp_path):
+    path, expected = OLD / f"genome-{version}.parquet", EXPECTED[f"genome-{version}.parquet"]
+    genome = evocity.read_genome(path)
+    assert genome.settle == (True if version == 3 else "roofs")
+    assert genome.turn.any()
+    assert not genome.pavement.uniform
+    city = evocity.decode(genome).city
+    heights = hashlib.blake2b(city.heights.tobytes(), digest_size=8).hexdigest()
+    assert (genome.digest, heights) == (expected["digest"], expected["heights"])
+    assert list(city.shape) == expected["shape"]
+    for name, value in expected["values"].items():
+        assert registry.get(name)(city, genome=genome) == pytest.approx(value, rel=1e-6, abs=1e-9)
+    genome.write(tmp_path / "again.parquet")
+    again = evocity.read_genome(tmp_path / "again.parquet")
+    assert (again, again.made, again.settle) == (genome, genome.made, genome.settle)
+    for file in (path, tmp_path / "again.parquet"):
+        about = json.loads(pq.read_schema(file).metadata[GENOME_KEY])
+        assert about["schema_version"] == version
 
 
 @pytest.mark.parametrize("kind", algorithms().values(), ids=lambda kind: kind.name)

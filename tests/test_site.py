@@ -228,7 +228,7 @@ def test_a_city_of_the_gallery_is_bred_again(monkeypatch):
     gallery = runpy.run_path(str(ROOT / "docs" / "sheets" / "gallery.py"))
     one = next(one for one in gallery["CITIES"] if one.operator == "quarter_refill")
     parent = evocity.read_map(*one.parents)
-    codes = [evocity.encode(parent, threads=threads).genome for threads in (1, 2)]
+    codes = [evocity.encode(parent, threads=n, settle="roofs").genome for n in (1, 2)]
     cities = [gallery["bred"](one, [code]) for code in codes]
     assert cities[0].heights.tobytes() == cities[1].heights.tobytes()
     with Image.open(ROOT / "docs" / "images" / one.file) as file:

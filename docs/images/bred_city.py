@@ -23,7 +23,7 @@ HIGHEST, SIDE, GAP, MARGIN = 30.0, 512, 28, 36
 def bred() -> tuple[list[evocity.CityMap], evocity.CityMap]:
     """The parents as read, and their child as decoded."""
     parents = [evocity.read_map(name) for name in PARENTS]
-    genomes = [evocity.encode(parent).genome for parent in parents]
+    genomes = [evocity.encode(parent, settle="roofs").genome for parent in parents]
     fuse = make("plan_fusion", faces=None)
     return parents, evocity.decode(fuse(genomes, np.random.default_rng(SEED))).city
 

@@ -125,7 +125,10 @@ CITIES = (
 
 def main(operators: list[str]) -> None:
     (IMAGES / "gallery").mkdir(exist_ok=True)
-    codes = {name: evocity.encode(evocity.read_map(name)).genome for name in evocity.cities()}
+    codes = {
+        name: evocity.encode(evocity.read_map(name), settle="roofs").genome
+        for name in evocity.cities()
+    }
     for one in CITIES:
         if operators and one.operator not in operators:
             continue

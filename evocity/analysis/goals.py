@@ -7,6 +7,7 @@ a run that does not record its goals; here a stranger's run shows what it states
 import math
 import sys
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -186,6 +187,14 @@ def planned_generations(run: RunLog) -> int | None:
         stated = RunSection.model_fields["generations"].default
     known = overrides_of(run).get("run.generations", stated)
     return known if is_whole(known) and 0 <= known <= _MOST_GENERATIONS else None
+
+
+def figure_texts(figures: Mapping[str, float]) -> list[tuple[str, str]]:
+    """Return the figures of a search algorithm for people: "qd score" and its value."""
+    return [
+        ("".join(filter(str.isprintable, name)).replace("_", " "), f"{value:.4g}")
+        for name, value in figures.items()
+    ]
 
 
 def _plain(text: object) -> str:

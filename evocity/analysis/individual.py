@@ -250,13 +250,7 @@ class Individual(Displayed):
     @property
     def _scene_facts(self) -> dict[str, Any]:
         """Scores, and of each building of a fabric its source city and its roof."""
-        from evocity.fitness.heredity import building_sources
-
-        facts: dict[str, Any] = {"measures": self.scores}
-        if isinstance(self.genome, Genome):
-            facts["sources"] = building_sources(self.city, self.genome)
-            facts["given_roofs"] = building_roofs(self.city, self.genome)
-        return facts
+        return {"measures": self.scores, **facts_of_buildings(self.city, self.genome)}
 
     def save(self, path: str | os.PathLike, at: str | None = None, crs: str | None = None) -> None:
         """Write the individual to a file. The suffix of ``path`` determines the format.
@@ -298,6 +292,17 @@ class Individual(Displayed):
                 f"a file name that ends in {', '.join(known)}",
                 "choose .gpkg or .tif for GIS, .glb for Blender and browsers, .png for a picture",
             )
+
+
+def facts_of_buildings(city: CityMap, genome: Any) -> dict[str, Any]:
+    """Return options of `evocity.scene`: of each building of a fabric its source city and its roof,
+    as its source cities give it."""
+    from evocity.fitness.heredity import building_sources
+
+    if not isinstance(genome, Genome):
+        return {}
+    named, given = building_sources(city, genome), building_roofs(city, genome)
+    return {"sources": named, "given_roofs": given}
 
 
 def _refuse_crs(path: Path, crs: str | None) -> None:

@@ -267,6 +267,19 @@ def best_compromise(losses: np.ndarray, weights: np.ndarray) -> int:
     return int(np.lexsort((np.arange(len(losses)), together, achievement(losses, weights)))[0])
 
 
+def rank_compromises(births: Births, archive: np.ndarray) -> np.ndarray:
+    """Return the rank of each birth as a compromise, float32 ``(n,)``: 1 for the best compromise of
+    the ``archive``, by `achievement` in the ranges of the archive. NaN for a birth that breaks a
+    bound or failed."""
+    ranks = np.full(len(births), np.nan, np.float32)
+    rows = np.flatnonzero(births.feasible)
+    if len(rows) and len(archive):
+        scaled = Scale(births.losses[births.rows(archive)])(births.losses[rows])
+        order = np.lexsort((rows, scaled.sum(axis=1), scaled.max(axis=1)))
+        ranks[rows[order]] = np.arange(1, len(rows) + 1)
+    return ranks
+
+
 def weights_of(given: Mapping[str, float] | None, goals: Sequence[str]) -> np.ndarray:
     """Return the weight of each of the ``goals``: 1, unless ``given`` says otherwise."""
     weights = dict.fromkeys(goals, 1.0)

@@ -8,7 +8,6 @@ import numpy as np
 from evocity.analysis.arguments import ids_of_any
 from evocity.analysis.births import unknown
 from evocity.analysis.individual import Individual
-from evocity.analysis.view_table import ViewTable
 from evocity.errors import RunError
 from evocity.html_display import Displayed
 from evocity.lazy_imports import library
@@ -17,8 +16,7 @@ from evocity.viewer.table import Brushes, Table
 if TYPE_CHECKING:
     import pandas as pd
 
-    from evocity.analysis.thumbnails import Thumbnails
-    from evocity.viewer.sheet import Sheet
+    from evocity.analysis.page import Page
 
 
 class View(Displayed):
@@ -42,27 +40,24 @@ class View(Displayed):
         #: The `Run` of the births.
         self.run = run
         self._of = of
-        self._viewed = ViewTable(run, of)
-        axes = self._viewed.axes(measures)
-        order = order or (axes[0]["name"] if axes else "id")
+        #: The `Page` that the view renders.
+        self.page = self._read_page()
+        axes = self.page.axes(measures)
         #: The widget itself, to combine it with others, or to observe changes:
         #: ``view.widget.observe(function, "chosen")``.
         self.widget: Widget = Widget(
-            self.table, self._viewed.about, self._sheet, axes=axes, order=self._order_of(order)
+            self.page, axes=axes, order=self._order_of(order or self.page.order)
         )
+
+    def _read_page(self) -> "Page":
+        from evocity.analysis.page import Page  # which draws
+
+        return Page(self.run, self._of, str(self.run.path))
 
     @property
     def table(self) -> Table:
         """Births as columns."""
-        return self._viewed.table
-
-    @property
-    def thumbnails(self) -> "Thumbnails":
-        """Small pictures of the births in the view."""
-        return self._viewed.thumbnails
-
-    def _sheet(self, ids: list[int], side: int) -> "Sheet":
-        return self._viewed.sheet(ids, side)
+        return self.page.table
 
     # -- settings ----------------------------------------------------------------------------
 
@@ -131,8 +126,8 @@ class View(Displayed):
     def refresh(self) -> "View":
         """Read the run again, and keep the present selection and filter. Return this view."""
         self.run.refresh()
-        self._viewed = ViewTable(self.run, self._of)
-        self.widget.show(self.table, self._viewed.about)
+        self.page = self._read_page()
+        self.widget.show(self.page)
         return self
 
     # -- display -----------------------------------------------------------------------------

@@ -24,6 +24,7 @@ from evocity.cli.shared.options import (
     id_option,
     option,
     output_option,
+    settle_options,
 )
 from evocity.cli.shared.terminal import describe, echo, note_compiling
 from evocity.errors import EvocityError
@@ -38,6 +39,7 @@ _PLACED = (".gpkg", ".fgb", ".geoparquet", ".tif", ".tiff")
   evocity decode lyon.parquet -o simpler.png --low-pass 10
   evocity decode lyon.parquet -o called.png --high-pass 2
   evocity decode lyon.parquet -o lyon.geojson
+  evocity decode lyon.parquet -o steps.tif --settle roofs
   evocity decode lyon.parquet -o lambert.gpkg --crs EPSG:2154
   evocity decode runs/lyon-x-montpellier --id 97 -o bred.gpkg
   evocity decode runs/lyon-x-montpellier --id 97 --at lyon-1er -o in-lyon.gpkg
@@ -68,9 +70,20 @@ _PLACED = (".gpkg", ".fgb", ".geoparquet", ".tif", ".tiff")
     float,
 )
 @count_option
+@settle_options("as the genome")
 @flag("--raw", "Write footprints along pixel edges, without fitting straight walls.")
 def decode(
-    genome: str, output: Path, identifier, at, crs, zoom: float, low_pass, high_pass, count, raw
+    genome: str,
+    output: Path,
+    identifier,
+    at,
+    crs,
+    zoom: float,
+    low_pass,
+    high_pass,
+    count,
+    settle,
+    raw,
 ) -> None:
     """Decode a genome, and write the decoded map (the attractor of the genome).
 
@@ -81,6 +94,9 @@ def decode(
     --low-pass and --high-pass, the map keeps only the pixels whose number of copies is between the
     two limits. The command `evocity show --usage` prints useful values of F_C for --low-pass and
     --high-pass; published examples use 1, 10 and 100.
+
+    The genome says how decoding makes roofs flat. With --settle or --no-settle, this map gets
+    other roofs, and the genome stays the same.
 
     A footprint file has one polygon per building, with the columns "id", "height" (mean height of
     the building, in metres), "area" (in m²) and "class". Walls are straight lines fitted to the
@@ -110,6 +126,12 @@ def decode(
     if at is not None:
         code = code.replace(**place_at(genome, at))
     if getattr(code, "kind", "fabric") != "fabric":
+        if settle is not None:
+            raise EvocityError(
+                f"{'--settle' if settle else '--no-settle'} cannot be used with a {code.kind}",
+                "the genome of a city fabric, because only city fabrics have roofs to settle",
+                "leave out the options --settle and --no-settle",
+            )
         _write_form(code, genome, identifier, zoom, filters, output, raw, crs)
         return
     check_zoom(code.pavement, zoom)
@@ -117,7 +139,7 @@ def decode(
     for name, f_c in filters.items():
         code, share = _filter(code, name, f_c, count or "pixels")
         facts.append(f"{name} at {f_c:g} calls: ground on {share:.0%} of the pixels")
-    decoding = warn_unconverged(evocity.decode(code, zoom=zoom), genome)
+    decoding = warn_unconverged(evocity.decode(code, zoom=zoom, settle=settle), genome)
     city = decoding.city
     filtered = "".join(f", {name} at {f_c:g}" for name, f_c in filters.items())
     name = name_decoded(city.name, code, genome, identifier) + filtered

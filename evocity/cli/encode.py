@@ -23,6 +23,7 @@ from evocity.cli.shared.options import (
     map_options,
     option,
     output_option,
+    settle_options,
 )
 from evocity.cli.shared.terminal import (
     describe,
@@ -40,6 +41,7 @@ from evocity.cli.shared.terminal import (
   evocity encode buildings.gpkg --center 4.834 45.768 --reach all -o here.parquet
   evocity encode lyon-1er --block 2-16 --lifs 4096 -o fewer.parquet
   evocity encode lyon-1er --max-error 0.5 -o true.parquet
+  evocity encode lyon-1er --settle roofs -o closest.parquet
   evocity encode lyon-1er --block 4 --no-fit --no-settle -o as-in-the-papers.parquet
   evocity encode lyon-1er --lock listed.geojson -o lyon.parquet
   evocity encode dsm.png --metres-per-pixel 2 --height-scale 0.5 --json -o dsm.parquet""")
@@ -84,11 +86,7 @@ from evocity.cli.shared.terminal import (
     "to MAP.",
     default=True,
 )
-@option(
-    "--settle/--no-settle",
-    "Give each decoded building a flat roof at the median height of the building.",
-    default=True,
-)
+@settle_options("buildings")
 @option(
     "--topological SHARE",
     "Largest difference in error at which the surroundings of a range block decide between two "
@@ -107,7 +105,9 @@ from evocity.cli.shared.terminal import (
 )
 @map_options
 @json_option
-def encode(map, output: Path, locks, lock_heights, reading, as_json: bool, **coding) -> None:
+def encode(
+    map, output: Path, locks, lock_heights, reading, settle, as_json: bool, **coding
+) -> None:
     """Encode MAP as a fractal genome.
 
     MAP is the name of a bundled district, or a file. Files of footprints are GeoJSON, GeoPackage,
@@ -119,10 +119,12 @@ def encode(map, output: Path, locks, lock_heights, reading, as_json: bool, **cod
     With --block 2-16, a quadtree divides the map into range blocks with sides from 2 to 16 px. With
     --block 4, all range blocks have sides of 4 px. With --max-error, the quadtree splits a range
     block if the root-mean-square error of the block is above the given limit. The quadtree never
-    makes range blocks smaller than the smallest side in --block. With --no-settle, decoded roofs
-    keep their fractal heights and do not become flat. With --topological 0, the surroundings of a
-    range block decide only between equally good domain blocks. With --lock-heights, the locked
-    pixels get new heights, for example the height of a new building, or 0 for a river.
+    makes range blocks smaller than the smallest side in --block. With --settle roofs, decoded maps
+    keep steps of more than .5 m between roofs, and gaps of one pixel, and are closer to MAP. With
+    --no-settle, decoded roofs keep their fractal heights and do not become flat. With --topological
+    0, the surroundings of a range block decide only between equally good domain blocks. With
+    --lock-heights, the locked pixels get new heights, for example the height of a new building, or
+    0 for a river.
 
     The JSON document has the keys "psnr", "collage_rmse", "lifs", "uniform", "pairs" and "seconds".
     The key "psnr" is the fidelity of the decoded genome, in dB. The key "collage_rmse" is the
@@ -137,6 +139,7 @@ def encode(map, output: Path, locks, lock_heights, reading, as_json: bool, **cod
     note_reading(city, reading)
     check_block(city, coding["block"])
     city, layer = _lock(city, locks, lock_heights)
+    coding["settle"] = True if settle is None else settle
     steepest = coding["sigma_max"]
     if steepest >= 1:
         warn(f"--sigma-max {steepest:g}: decoding may diverge; below 1 it always converges")
@@ -170,7 +173,8 @@ def encode(map, output: Path, locks, lock_heights, reading, as_json: bool, **cod
     if encoding.genome.settle:
         raw = encoding.psnr_unsettled
         before = "exact" if raw == inf else f"{raw:.1f} dB"
-        flat = f" ({before} with fractal roofs, before each building got one height)"
+        each = "roof" if encoding.genome.settle == "roofs" else "building"
+        flat = f" ({before} with fractal roofs, before each {each} got one height)"
     fidelity = "exactly" if psnr == inf else f"PSNR {psnr:.1f} dB{flat}"
     echo(f"decoded {fidelity}, collage error {encoding.collage_rmse:.2f} m (RMS)")
     echo(f"wrote {output}")

@@ -1,7 +1,9 @@
 """`evocity recipe new`: a first recipe for maps of your own."""
 
+import math
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -43,6 +45,8 @@ def recipe() -> None:
   evocity recipe new lyon-1er new-york-west-village -o night.toml
   evocity recipe new here.osm.pbf there.geojson --center 37.62 55.82 --center 4.83 45.77 \\
       --fitness my_measure.py -o night.toml
+  evocity recipe new lyon-1er new-york-west-village --fitness winter_sun \\
+      --band fsi 2.1 2.3 --band gsi 0 0.42 -o night.toml
   evocity run night.toml""")
 @click.argument("maps", metavar="MAP...", nargs=-1, required=True)
 @option(
@@ -50,6 +54,12 @@ def recipe() -> None:
     "Measure that guides the search: the name of a measure, a Python file that the command "
     "executes, or a table of building types. [autosimilarity, alignment, salingaros_law, "
     "crumbs]",
+)
+@option(
+    "--band bands NAME LOW HIGH...",
+    "Band of a measure that every birth should keep, in place of the guard's bound on it. LOW or "
+    "HIGH at the end of the measure's range does not become a bound.",
+    (str, float, float),
 )
 @option(
     "-o --output FILE.toml",
@@ -64,7 +74,7 @@ def recipe() -> None:
 @file_options
 @json_option
 def new(
-    maps, words, output: Path, force, pixels, metres_per_pixel, center, as_json, **of_files
+    maps, words, bands, output: Path, force, pixels, metres_per_pixel, center, as_json, **of_files
 ) -> None:
     """Write a recipe that breeds from MAPs, with bounds calibrated on these maps.
 
@@ -91,7 +101,7 @@ def new(
     parents = _parents(maps, center, of_files, output.parent)
     texts = RecipeSettings(_name(output), parents, pixels, metres_per_pixel)
     with quiet_stdout():
-        goals = _goals(words, output.parent)
+        goals = _with_bands(_goals(words, output.parent), bands)
         with blame_options(pixels=pixels, metres_per_pixel=metres_per_pixel):
             result = calibrate_recipe(texts, goals, output, _print_step, _note_parent)
     noted = {_source_note(source.city) for source in result.sources}
@@ -104,6 +114,7 @@ def new(
     with replace_file(output) as temporary:
         temporary.write_text(result.text, encoding="utf-8")
     bounds = {bound.measure.name: bound.keys for bound in result.bounds}
+    bounds |= {goal.measure.name: goal.bounds for goal in goals if goal.bounds}
     if as_json:
         values = {
             name: {
@@ -229,6 +240,48 @@ def _goals(words: Sequence[str], folder: Path) -> list:
         for measure in [m for m in measures if m.goal is not None] or measures:
             goals[measure.name] = Goal(measure, file, several=len(measures) > 1)
     return list(goals.values())
+
+
+def _with_bands(goals: Sequence, bands: Sequence[tuple[str, float, float]]) -> list:
+    """The ``goals`` with bounds, and a constraint for each other measure with a band."""
+    from evocity.fitness.registry import file_of
+    from evocity.search.calibration.recipe_text import Goal
+
+    joined = {goal.measure.name: goal for goal in goals}
+    chosen: set[str] = set()
+    for name, low, high in bands:
+        typed = f"--band {name} {low:g} {high:g}"
+        measure = evocity.fitness.get(name)
+        if name in chosen:
+            raise EvocityError(
+                f"{typed} is the second band of {name}",
+                "one band for each measure",
+                "leave one of the bands out",
+            )
+        if file_of(name) is not None and name not in joined:
+            raise EvocityError(
+                f"{typed} is a band of a measure from a file, which is not a goal",
+                "a measure of the package, or a goal that --fitness chooses",
+                f"choose {name} as a goal with --fitness, or write the bounds into the recipe",
+            )
+        if not (math.isfinite(low) and math.isfinite(high) and low < high):
+            raise EvocityError(
+                f"{typed} is not a band",
+                "two finite numbers, the lower number first",
+                f"write for example --band {name} 0.2 0.4",
+            )
+        least, most = measure.range
+        bounds = ({"min": low} if low > least else {}) | ({"max": high} if high < most else {})
+        if not bounds or low >= most or high <= least:
+            raise EvocityError(
+                f"{typed} bounds nothing: values of {name} are {measure.range_text}",
+                "a band within the range of the measure",
+                "narrow the band, or leave it out",
+            )
+        chosen.add(name)
+        goal = joined.get(name, Goal(measure, is_constraint=True))
+        joined[name] = replace(goal, bounds=bounds)
+    return list(joined.values())
 
 
 def _path_from(folder: Path, source: str) -> str:

@@ -176,6 +176,7 @@ def scene(
     """
     import numpy as np
 
+    from evocity.analysis.individual import facts_of_buildings
     from evocity.scene import SUFFIXES, check_suffix
     from evocity.scene.detail import check_format
     from evocity.scene.export import UNPLACED, cuts_attribution
@@ -223,10 +224,10 @@ def scene(
     written = []
     place = {} if at is None else place_at(what, at)
     for path, city, genome in _levels(what, reading, identifier, zoom, output, tiles is not None):
-        named, given = _sources(city, genome), _given_roofs(city, genome)
+        of_buildings = facts_of_buildings(city, genome)
         check_tile(tiles, tile, *city.shape, settings={})
         city = city.replace(city.heights, **place)
-        more = {"rng": np.random.default_rng(seed), "sources": named, "given_roofs": given}
+        more = {"rng": np.random.default_rng(seed), **of_buildings}
         made = evocity.scene(city, **more, **water_of(water, city), **how)
         _note_fitting(made)
         if tiles is not None or suffix in _PLACED:
@@ -298,21 +299,6 @@ def _levels(
     for name, zoom in sorted(named.items(), key=lambda level: level[1]):
         path = output.with_name(f"{stem}-z{name}{suffix}") if len(named) > 1 else output
         yield path, decode_genome(genome, what, identifier, zoom), genome
-
-
-def _sources(city, genome) -> list[str]:
-    """The source city of each building of a fabric."""
-    from evocity.fitness.heredity import building_sources
-    from evocity.genome import Genome
-
-    return building_sources(city, genome) if isinstance(genome, Genome) else []
-
-
-def _given_roofs(city, genome):
-    """The roof of each building of a fabric, as its source cities give it; None without them."""
-    from evocity.genome import Genome, building_roofs
-
-    return building_roofs(city, genome) if isinstance(genome, Genome) else None
 
 
 def _check_glb_options(output: Path | None, suffix: str, **given: bool) -> None:

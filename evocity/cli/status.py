@@ -19,12 +19,6 @@ _MOST_IDS = 12
 #: Most individuals to keep in the table.
 _MOST_KEPT = 5
 
-#: Generations whose pace gives the time left.
-_PACE = 8
-
-#: A time left above this, thirty years, comes from a damaged log.
-_MOST_SECONDS = 1e9
-
 
 @command("""
   evocity status runs/lyon-x-montpellier --json""")
@@ -58,7 +52,8 @@ def status(run: str, as_json: bool) -> None:
     its last births, in the keys "engine", "workers" and "cluster". The key "differs" lists births
     whose results changed when the run replayed these births. The key "kept" lists the individuals
     that `evocity keep` names, each with the keys "id" and "built" (the shares of its buildings).
-    The key "damaged" lists files of the log that are damaged or missing. Unknown values are null.
+    The key "damaged" lists files of the log that are damaged or missing. The key "unreachable"
+    lists sentences about targets and bounds that no birth has reached. Unknown values are null.
     """
     from evocity.store.lock import is_held
 
@@ -67,12 +62,12 @@ def status(run: str, as_json: bool) -> None:
     held = is_held(opened.path / "lock")
     state = opened.status()
     running = held and not state["finished"]
-    left = _seconds_left(opened) if running else None
-    from evocity.analysis.goals import aims_of, planned_generations
-    from evocity.report import differing, differing_told, failures
-    from evocity.report.shown_births import figure_texts
+    from evocity.analysis.failed_births import differing, differing_told, failures
+    from evocity.analysis.goals import aims_of, figure_texts, planned_generations
+    from evocity.analysis.outlook import seconds_left, unreachable
     from evocity.store.events import KILLED, was_killed
 
+    left = seconds_left(opened) if running else None
     if not held and was_killed(opened.events()):
         state["stopped"] = KILLED
 
@@ -85,10 +80,11 @@ def status(run: str, as_json: bool) -> None:
     whole = state["generation"] is not None
     parents = _parents(opened, best) if whole else {}
     steering = _steering(opened, state["generation"])
+    missed = unreachable(opened) if whole else []
     if as_json:
         more = {"parents": parents, "running": running, "seconds_left": left, "front": front}
         more |= steering | {"evaluation": _engine(opened), "differs": differing(opened)}
-        more |= {"damaged": _damaged(opened, held)}
+        more |= {"damaged": _damaged(opened, held), "unreachable": missed}
         more |= {"kept": [{"id": c.individual.id, "built": c.built} for c in _kept(opened, state)]}
         print_json(state | {"best": best} | more)
         return
@@ -108,6 +104,7 @@ def status(run: str, as_json: bool) -> None:
         *((f"on {name}", _island(island)) for name, island in state["islands"].items()),
         *(row for aim in sought for row in _goal(aim, best[aim.name], parents)),
         *([("constraints", _bounds(opened))] if whole and any(a.bounds for a in aims) else []),
+        *(("out of reach", text) for text in missed),
         *([("front", _ids(front, run))] if whole else []),
         *_kept_rows(_kept(opened, state)),
         *_steering_rows(steering, run),
@@ -133,7 +130,7 @@ def _damage_rows(names: list[str], run: str) -> list[tuple[str, str]]:
 
 def _island(state: dict) -> str:
     """Describe the state of one island."""
-    from evocity.report.shown_births import figure_texts
+    from evocity.analysis.goals import figure_texts
 
     best = ", ".join(f"{name} {value:.4g}" for name, value in state.get("best", {}).items())
     parts = [f"{state['living']} living", f"hypervolume {_format(state.get('hypervolume'))}"]
@@ -162,20 +159,6 @@ def _ranks(opened, generation: int) -> dict[int, int]:
         return dict(zip(*(array.tolist() for array in opened.columns.ranked()), strict=True))
     members = opened.members(generation)
     return dict(zip(members["id"].to_pylist(), members["rank"].to_pylist(), strict=True))
-
-
-def _seconds_left(opened) -> float | None:
-    """The time left of a run, by the pace of its last generations; None without a pace."""
-    from evocity.analysis.goals import planned_generations
-
-    planned, history = planned_generations(opened), opened.history()
-    # the first generation also waited for the workers
-    paces = [entry.get("evaluations_per_second") for entry in history[1:][-_PACE:] or history]
-    if planned is None or not paces or not all(paces):
-        return None
-    seconds = sum(opened.header.population / pace for pace in paces) / len(paces)
-    left = max(0, planned - history[-1]["generation"]) * seconds
-    return left if left < _MOST_SECONDS else None
 
 
 def _describe_state(run: str, state: dict, running: bool, left: float | None, living: dict) -> str:

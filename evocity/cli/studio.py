@@ -33,6 +33,11 @@ from evocity.errors import FitnessError
     "Recipe that the page for new runs offers; studio executes the measures of the recipe.",
     FILE,
 )
+@option(
+    "--library FOLDER",
+    "Library whose objects can replace buildings in the 3D views of births.",
+    FILE,
+)
 @option("--port", "Network port of the page. [any free port]", click.IntRange(0, 65535), 0)
 @flag("--no-browser", "Print the address without opening a browser.")
 @json_option
@@ -41,6 +46,7 @@ def studio(
     folder: str | None,
     words: tuple[str, ...],
     recipe: Path | None,
+    library: Path | None,
     port: int,
     no_browser: bool,
     as_json: bool,
@@ -66,10 +72,10 @@ def studio(
     The JSON document is a single line. The key "url" of the document contains the address of the
     page, including the token.
     """
-    from evocity.lazy_imports import library
+    from evocity import lazy_imports
 
     for name in ("starlette", "uvicorn"):
-        library(name, "studio", "studio")
+        lazy_imports.library(name, "studio", "studio")
     from evocity.recipe.values import describe_reach
     from evocity.studio.desk_routes import StudioOptions
     from evocity.studio.server import serve
@@ -83,7 +89,9 @@ def studio(
             for text in describe_reach(evocity.read_recipe(recipe).evaluation.cluster):
                 note(text)
     into = None if folder is None else Path(folder)
-    options = StudioOptions(into, fresh, files, None if recipe is None else recipe.absolute())
+    options = StudioOptions(
+        into, fresh, files, None if recipe is None else recipe.absolute(), library
+    )
 
     def began(url: str) -> None:
         if as_json:

@@ -30,8 +30,9 @@ from evocity.coding.zoom import (
 )
 from evocity.errors import GenomeError, setting
 from evocity.genome import VOID, Genome
+from evocity.genome.checks import is_settling
 from evocity.pavement import Pavement
-from evocity.views.buildings.segmentation import settled_zones
+from evocity.views.buildings.segmentation import settled_roofs, settled_zones
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,7 +227,7 @@ class CollageMap:
 def decode(
     genome: Genome,
     *,
-    settle: bool | None = None,
+    settle: bool | str | None = None,
     zoom: float = 1,
     tolerance: float = 0.01,
     start: np.ndarray | None = None,
@@ -241,10 +242,11 @@ def decode(
     ----------
     settle : whether to make the roofs of the decoded map flat. With flat roofs, each building takes
         its median height, and ground becomes 0. Gaps, and jumps in height, separate one building
-        from the next (`evocity.views.buildings.settled`). Flat roofs do not change the heights of
-        the condensation. With ``settle=False``, the result is the raw attractor, as in the papers,
-        with fractal roofs. By default, the genome's field ``settle`` decides whether roofs are
-        flat; `evocity.encode` sets this field to True.
+        from the next (`evocity.views.buildings.settled`). With ``settle="roofs"``, each roof takes
+        its own median height, so that steps from .5 m on stay, and so do gaps of one pixel. Flat
+        roofs do not change the heights of the condensation. With ``settle=False``, the result is
+        the raw attractor, as in the papers, with fractal roofs. By default, the genome's field
+        ``settle`` decides; `evocity.encode` sets this field to True.
     zoom : fractal zoom z, a number above 0 (Marsault 2005 §2.4). A zoom above 1 creates detail, and
         a zoom below 1 removes detail. The map is decoded directly at the zoom z if zB is a whole
         number of pixels, 2 or more, for the side B of every range block. If the zoom does not suit
@@ -273,6 +275,13 @@ def decode(
             f"tolerance = {tolerance} or max_iterations = {max_iterations} is out of range",
             "a tolerance above 0 m, and at least 1 iteration",
             "leave out both parameters to use 0.01 m and 500 iterations",
+        )
+    settle = genome.settle if settle is None else settle
+    if not is_settling(settle):
+        raise GenomeError(
+            setting("settle", settle),
+            "True, False or 'roofs'",
+            "leave the parameter 'settle' out to use the genome's own value",
         )
     legal = legal_zoom(genome.pavement, zoom)
     collage = CollageMap(genome, legal)
@@ -306,7 +315,6 @@ def decode(
     blamed = np.empty(0, np.intp)
     if not end.converged:
         blamed = _blame(genome, collage, end.moves, tolerance)
-    settle = genome.settle if settle is None else settle
     pixel = genome.metres_per_pixel / zoom
     shown, kept = end.values, collage.kept
     heights = shown
@@ -316,7 +324,7 @@ def decode(
         kept = None if kept is None else area_means(kept, step) > 0
         if settle:  # means of roofs and ground would be new roofs
             fine = np.maximum(fine, 0)
-            roofs, _ = settled_zones(fine, fine > BUILT_ABOVE, pixel / step, fine_kept)
+            roofs, _ = _settled(fine, pixel / step, settle, fine_kept)
             whole = most_common(roofs, step)
             shown = whole if kept is None else np.where(kept, heights, whole)
     heights.setflags(write=False)  # the city is computed from it later
@@ -327,16 +335,25 @@ def decode(
     return Decoding(heights, end.steps, end.converged, end.change, blamed, make)
 
 
-def _city(heights: np.ndarray, pixel: float, settle: bool, kept, **about) -> CityMap:
+def _city(heights: np.ndarray, pixel: float, settle: bool | str, kept, **about) -> CityMap:
     roofs = np.maximum(heights, 0)
     if not settle:
         return CityMap(roofs, pixel, **about)
-    roofs, labels = settled_zones(roofs, roofs > BUILT_ABOVE, pixel, kept)
+    roofs, labels = _settled(roofs, pixel, settle, kept)
     city = CityMap(roofs, pixel, **about)
-    if kept is None:  # then the map would compute the same labels
+    if kept is None and labels is not None:  # then the map would compute the same labels
         labels.setflags(write=False)
         vars(city)["building_labels"] = labels
     return city
+
+
+def _settled(
+    heights: np.ndarray, pixel: float, settle: bool | str, kept: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Make roofs flat; with the labels of buildings, if these are known."""
+    if settle == "roofs":
+        return settled_roofs(heights, heights > BUILT_ABOVE, pixel, kept), None
+    return settled_zones(heights, heights > BUILT_ABOVE, pixel, kept)
 
 
 def _common_kinds(

@@ -73,7 +73,7 @@ def encode(
     reach: int | None = 24,
     sigma_max: float = 0.9,
     fit: bool = True,
-    settle: bool = True,
+    settle: bool | str = True,
     topological: float | None = None,
     condensation: Condensation | None = None,
     threads: int | None = None,
@@ -110,7 +110,8 @@ def encode(
     fit : whether to refine σ and β by `fit_attractor`. The search minimises the error of the
         collage, and the fit minimises the error of the decoded map. After the fit, the collage
         error is a little higher than after the search.
-    settle : whether `decode` makes roofs flat by default, for this genome and its descendants.
+    settle : whether `decode` makes roofs flat by default, for this genome and its descendants:
+        True, False or ``"roofs"``, as in `decode`.
     topological : tolerance of the collage error, as a share of the energy ‖r̃‖², with r̃ the
         heights of the range block minus their mean. Among the domain blocks whose error is within
         the tolerance of the lowest error, the block with the most similar surroundings wins. The

@@ -35,8 +35,8 @@ def kernel_parts(recipe: Recipe, selecting: bool = False) -> list[str]:
     """List the parts of `kernel_warmup` for the births of a ``recipe``, and for ``selecting``."""
     code = recipe.genome
     names = [name for name in recipe.breeding if name in OPERATORS]
-    # decoding with settled roofs has labelled the buildings already
-    unsettled = not code.settle or bool(recipe.locked.given)
+    # decoding that settles buildings has labelled them already
+    unsettled = code.settle is not True or bool(recipe.locked.given)
     buildings = [kernel_warmup.BUILDINGS] if "region_fusion" in names and unsettled else []
     measured = [*recipe.measures, *recipe.recorded]
     own = [one for one in measured if one.origin != "evocity"]

@@ -10,6 +10,7 @@ from evocity.citymap import MAX_SIDE
 from evocity.condensation import Condensation
 from evocity.errors import EvocityError
 from evocity.genome import FIELDS, Genome
+from evocity.genome.checks import is_settling
 from evocity.kinds import CurveForm, ShapeForm, Site
 from evocity.pavement import Pavement
 
@@ -68,7 +69,7 @@ def _genome_of(about: dict, arrays: Sequence[np.ndarray]) -> Any:
     kind = about["kind"]
     names = _OF_GENOME if kind == "fabric" else _OF_FORM
     common = {name: about[name] for name in names}
-    if not isinstance(common["made"], dict) or not isinstance(common.get("settle", True), bool):
+    if not isinstance(common["made"], dict) or not is_settling(common.get("settle", True)):
         raise ValueError("made or settle of another type")
     if not all(isinstance(common.get(name, ""), str) for name in _TEXTS):
         raise ValueError("a text of another type")

@@ -66,7 +66,8 @@ def _load(block: int | tuple[int, int], part: str) -> None:
         elif part == FIT:
             _coded(1, block, fit=True)
         elif part == DECODE:
-            decode(_genomes(block)[0])
+            for settle in (True, "roofs"):
+                _ = decode(_genomes(block)[0], settle=settle).city
         elif part == BUILDINGS:
             _ = _toy(1, block).building_labels
         elif part == VIEWS:

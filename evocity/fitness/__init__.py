@@ -21,6 +21,8 @@
   `alignment_neighbours`, `alignment_momepy`, `orientation_order`
 - `openness`: open ground: `street_width`, `open_space_connectivity`, `courtyard_index`,
   `sky_view_factor`
+- `light`: sun on open ground and light on façades: `winter_sun`, `daylight`
+- `walking`: ways along streets to the nearest place: `walk_distance`
 - `texture`: built ground as a fractal: `box_dimension`, `correlation_dimension`, `lacunarity`,
   `autosimilarity`
 - `fabric`: distance to the shapes of buildings of other cities: `fabric_distance`

@@ -33,6 +33,8 @@ from .heredity import integrity as integrity
 from .heredity import smallest_share as smallest_share
 from .heredity import source_shares as source_shares
 from .heredity import whole_buildings as whole_buildings
+from .light import daylight as daylight
+from .light import winter_sun as winter_sun
 from .likeness import picture_likeness as picture_likeness
 from .measure import EXTRAS as EXTRAS
 from .measure import Family as Family
@@ -84,3 +86,4 @@ from .types import object_classes as object_classes
 from .types import object_counts as object_counts
 from .types import type_distance as type_distance
 from .types import types_of as types_of
+from .walking import walk_distance as walk_distance

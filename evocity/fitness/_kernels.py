@@ -453,3 +453,108 @@ def fullest_strips(values, starts, width, most):
                 first += 1
             best = max(best, last - first + 1)
         most[g] = best
+
+
+@kernel
+def count_sunny(heights, ground, across, rise, shadow):
+    """Count the pixels of ``ground`` that the sun reaches, which stands beyond row 0.
+
+    With each row towards the sun, a ray passes ``across`` columns, −1…1, and rises by ``rise``. It
+    is in the shade if it meets a higher pixel. ``shadow`` (columns + rows) holds the height of the
+    shadow on each line of pixels towards the sun. No shadow comes from beyond the map.
+    """
+    rows, columns = heights.shape
+    half = rise / np.float32(2)  # a ray meets a pixel half a row before its middle
+    left = max(np.int64(0), -np.int64(np.floor(across * (rows - 1) + 0.5)))
+    shadow[:] = np.float32(0)
+    count = 0
+    for y in range(rows):
+        line = shadow[np.uintp(left + np.int64(np.floor(across * y + 0.5))) :]
+        for x in range(np.uintp(columns)):
+            own = heights[y, x]
+            shade = line[x] - rise
+            count += ground[y, x] & (shade <= own)
+            line[x] = max(shade, own + half)
+    return count
+
+
+@kernel
+def light_facades(
+    heights, walls, normals, back, storey, starts, ways, down, along, distance, pixel, highest, sky
+):
+    """sky[i] = mean over façade i of the light on it, as a share of that on open ground under the
+    overcast sky of the CIE: the vertical sky component.
+
+    ``walls`` (4, n) are row and column of the pixel before each façade, and of the wall's pixel. A
+    façade reaches from the height of the former to that of the latter, in strips of about a
+    ``storey``, each seen from its middle. ``normals`` (2, n) are unit vectors out of the wall, in
+    rows and columns; the wall is ``back`` (n,) px behind the middle of the pixel before it.
+
+    Direction d, the unit vector ways[:, d], passes the pixels ``down``, ``along`` of starts[d] :
+    starts[d + 1] from that middle, each entered after ``distance`` px. Beyond the map nothing
+    rises. No roof is above ``highest``; pixels have sides of ``pixel`` metres.
+    """
+    rows, columns = np.uintp(heights.shape[0]), np.uintp(heights.shape[1])
+    directions = starts.size - 1
+    tops, fars = np.empty(rows + columns), np.empty(rows + columns)
+    for i in range(sky.size):
+        y, x = walls[0, i], walls[1, i]
+        base = np.float64(heights[y, x])
+        whole = np.float64(heights[walls[2, i], walls[3, i]]) - base
+        strips = max(np.int64(1), np.int64(np.floor(whole / storey + 0.5)))
+        each = whole / strips
+        below = 0  # strips that any roof can rise above
+        while below < strips and base + each * (below + 0.5) < highest:
+            below += 1
+        last = base + each * (below - 0.5)
+        light, weights = 0.0, 0.0
+        for d in range(directions):
+            facing = normals[0, i] * ways[0, d] + normals[1, i] * ways[1, d]
+            if facing <= 0.0:
+                continue
+            weights += facing
+            light += facing * (strips - below) * (np.pi / 4.0 + 2.0 / 3.0)
+            behind = back[i] * facing
+            # Only roofs above all nearer ones can hide more of the sky, from whichever strip.
+            count, most, reach = 0, heights[y, x], np.inf
+            for k in range(starts[d], starts[d + 1]):
+                far = distance[np.uintp(k)] + behind
+                v = np.uintp(y + down[np.uintp(k)])  # past the border on any side: huge
+                u = np.uintp(x + along[np.uintp(k)])
+                if far >= reach or v >= rows or u >= columns:
+                    break
+                if heights[v, u] > most:
+                    most = heights[v, u]
+                    tops[count], fars[count] = most, far * pixel
+                    count += 1
+                    if most >= highest:
+                        break
+                    if most > last:  # beyond the reach no roof rises higher, seen from any strip
+                        reach = min(reach, far * (highest - last) / (most - last))
+            for s in range(below):
+                eye = base + each * (s + 0.5)
+                steepest = 0.0
+                for k in range(count):
+                    steepest = max(steepest, (tops[k] - eye) / fars[k])
+                cosine = 1.0 / np.sqrt(1.0 + steepest * steepest)
+                hidden = np.arctan(steepest) + steepest * cosine * cosine
+                light += facing * (np.pi / 4.0 - hidden / 2.0 + 2.0 / 3.0 * cosine**3)
+        # 2/3 of the sum, on a wall, of the 7π/9 on open ground
+        sky[i] = light / (weights * strips) * 6.0 / (7.0 * np.pi)
+
+
+@kernel
+def shorten_ways(first, last, length, distance):
+    """Lower ``distance`` of each node to the shortest way along edges: from the distances given,
+    over edges from ``first`` to ``last`` of a ``length``."""
+    changed = True
+    while changed:
+        changed = False
+        for k in range(first.size):
+            one, other = first[k], last[k]
+            if distance[one] + length[k] < distance[other]:
+                distance[other] = distance[one] + length[k]
+                changed = True
+            if distance[other] + length[k] < distance[one]:
+                distance[one] = distance[other] + length[k]
+                changed = True

@@ -120,7 +120,7 @@ def sky_view(city: CityMap, y: np.ndarray, x: np.ndarray) -> np.ndarray:
     height of that pixel: float64 ``(n,)``, 0…1. See `sky_view_factor`."""
     heights = city.heights
     limit = min(HORIZON / city.metres_per_pixel, math.hypot(*heights.shape))
-    starts, down, along, distance = _rays(limit)
+    starts, down, along, distance = cast_rays(limit)
     slopes = (1 / (distance * city.metres_per_pixel)).astype(np.float32)
     seen = np.empty(np.size(y))
     sky_seen(heights, y, x, starts, down, along, slopes, heights.max(), seen)
@@ -137,7 +137,7 @@ def _viewpoints(ground: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 @lru_cache(maxsize=16)
-def _rays(limit: float) -> tuple[np.ndarray, ...]:
+def cast_rays(limit: float) -> tuple[np.ndarray, ...]:
     """List the pixels that rays in 16 directions pass before ``limit`` px: where each ray starts
     in the list; rows and columns from its origin; the distance, px, at which it enters each."""
     far = np.arange(math.ceil(limit)) + 0.5

@@ -12,6 +12,9 @@ from evocity.genome._kernels import in_bounds
 from evocity.genome.nucleotides import FIELDS, Nucleotide
 from evocity.genome.roofs import RoofTable
 
+#: The values of `Genome.settle`: raw heights, flat buildings, flat roofs.
+SETTLING = (False, True, "roofs")
+
 
 def typed_array(name: str, values, nucleotide: Nucleotide, count: int) -> np.ndarray:
     """Convert ``values`` to a read-only array ``(count,)`` of the nucleotide's type. Raises
@@ -43,6 +46,11 @@ def typed_array(name: str, values, nucleotide: Nucleotide, count: int) -> np.nda
     return array
 
 
+def is_settling(value) -> bool:
+    """Tell whether a ``value`` is one of `SETTLING`; 0 and 1 are not."""
+    return isinstance(value, bool | str) and value in SETTLING
+
+
 def check_description(genome) -> None:
     """Raise one `GenomeError` that lists every fault of a genome's description."""
     pixel, origin, layer, p = (
@@ -61,6 +69,7 @@ def check_description(genome) -> None:
         or (len(origin) == 2 and all(is_number(at) and math.isfinite(at) for at in origin)),
         f"condensation = {layer!r}": layer is None
         or (isinstance(layer, Condensation) and layer.shape == (p.height, p.width)),
+        f"settle = {genome.settle!r}": is_settling(genome.settle),
         f"roofs = {spell(genome.roofs)}": isinstance(genome.roofs, Mapping)
         and all(isinstance(table, RoofTable) for table in genome.roofs.values()),
     }
@@ -70,7 +79,7 @@ def check_description(genome) -> None:
             "; ".join(wrong),
             f"a pixel size of {low:g} to {high:g} m, 1…256 names of cities, text of at most "
             f"{MOST_ATTRIBUTION} letters, (x, y) or None, a Condensation of the map's size or "
-            "None, a RoofTable by city",
+            "None, a RoofTable by city, and True, False or 'roofs' for settle",
             "correct them, or encode the map again",
         )
 

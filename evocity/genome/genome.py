@@ -12,7 +12,7 @@ import numpy as np
 
 from evocity.condensation import Condensation
 from evocity.errors import GenomeError, plain_text
-from evocity.genome.checks import check_bounds, check_description, typed_array
+from evocity.genome.checks import SETTLING, check_bounds, check_description, typed_array
 from evocity.genome.nucleotides import FIELDS, MOST_PARENTS, NEWER, NUCLEOTIDES
 from evocity.genome.roofs import RoofTable, joined_roofs
 from evocity.genome.writer import write_genome
@@ -52,9 +52,9 @@ class Genome(Displayed):
     made : description of how the genome was bred: the operator, its parameters and its results.
     condensation : fixed heights, which decoding does not change; None if no heights are fixed.
         Operators copy the condensation to the child unchanged.
-    settle : whether `evocity.decode` makes roofs flat by default; `evocity.encode` sets this field
-        to True. The field ``settle`` is False for codes made by hand and for codes of older
-        releases.
+    settle : whether `evocity.decode` makes roofs flat by default: True, False or ``"roofs"``, as in
+        `evocity.decode`. The function `evocity.encode` sets this field to True. The field
+        ``settle`` is False for codes made by hand and for codes of older releases.
     roofs : the `RoofTable` of each source city whose source gives shapes of roofs, or heights of
         ridges, by the name of the city. Only scenes use these tables. The field ``roofs`` does not
         count in comparisons and in the `digest`.
@@ -88,7 +88,7 @@ class Genome(Displayed):
     turn: np.ndarray | None = None
     other: np.ndarray | None = None
     part: np.ndarray | None = None
-    settle: bool = False
+    settle: bool | str = False
     roofs: Mapping[str, RoofTable] = field(default_factory=dict)
 
     def __post_init__(self):
@@ -165,7 +165,7 @@ class Genome(Displayed):
         if not p.uniform:
             state.update(p.side.tobytes())
         if self.settle:
-            state.update(b"settled")
+            state.update(b"settled" if self.settle is True else str(self.settle).encode())
         for name in NUCLEOTIDES:
             state.update(np.ascontiguousarray(getattr(self, name)).tobytes())
         if self.condensation is not None:
@@ -223,8 +223,8 @@ def descended(genomes: Sequence[Genome]) -> tuple[list[dict[str, np.ndarray]], d
 
     The first result holds the fields ``parent`` and ``other`` of each genome, converted to indices
     into the child's cities. The second result maps the names of the child's remaining fields to the
-    values of these fields. The field ``settle`` is true if it is true for at least one of the
-    genomes. The fields ``origin`` and ``crs`` have values only if all genomes agree on them.
+    values of these fields. The field ``settle`` has the last value in `SETTLING` that a genome
+    has. The fields ``origin`` and ``crs`` have values only if all genomes agree on them.
     """
     cities, numbers, attribution = merged_cities(genomes)
     places = {(genome.origin, genome.crs) for genome in genomes}
@@ -239,7 +239,7 @@ def descended(genomes: Sequence[Genome]) -> tuple[list[dict[str, np.ndarray]], d
         "sigma_max": max(genome.sigma_max for genome in genomes),
         "origin": origin,
         "crs": crs,
-        "settle": any(genome.settle for genome in genomes),
+        "settle": max((genome.settle for genome in genomes), key=SETTLING.index),
         "roofs": joined_roofs(genomes),
     }
 

@@ -21,8 +21,8 @@ GENOME_KEY, FORM_KEY = b"evocity.genome", b"evocity.form"
 ROOFS_KEY = b"evocity.roofs"
 #: The readable versions of the file's schema; a change that a reader must know of adds one. A
 #: genome is written in the oldest version that holds it. 2 adds a column `CONDENSED`; 3 adds
-#: columns `LEAVES` and `NEWER`, places for sources, and ``settle``.
-SCHEMA_VERSIONS = (1, 2, 3)
+#: columns `LEAVES` and `NEWER`, places for sources, and ``settle``; 4 has roofs for ``settle``.
+SCHEMA_VERSIONS = (1, 2, 3, 4)
 #: The column of the condensation, see `Condensation.column`.
 CONDENSED = "condensation"
 #: The columns of each range block's place, from version 3 on.
@@ -84,7 +84,8 @@ def _describe(genome) -> tuple[dict, dict]:
     numbers = lifs_at(p, genome.source) if plain else None
     if numbers is None:
         top, left = p.corners
-        about |= {"schema_version": 3, "settle": genome.settle}
+        version = 4 if isinstance(genome.settle, str) else 3
+        about |= {"schema_version": version, "settle": genome.settle}
         del about["block"]
         columns |= dict(zip(LEAVES, (top, left, p.side), strict=True))
     else:

@@ -201,7 +201,18 @@ def read_map(
     if isinstance(data, Footprints):
         return rasterize_footprints(data, request, name or stem)
     name = name or data.name or stem
-    return map_of_grid(above_ground(data, request, name, _terrain_reader(request)), request, name)
+    return map_of_grid(above_ground_of(data, request, name), request, name)
+
+
+def above_ground_of(grid: Grid, request: Request, name: str) -> Grid:
+    """Return ``grid`` with heights above ground, after reading the terrain that ``request`` names.
+    Raises `MapError` as `above_ground`."""
+    return above_ground(grid, request, name, _terrain_reader(request))
+
+
+def path_of_map(source: str | os.PathLike) -> Path:
+    """Return the path of a file or bundled district. Raises `MapError` if it does not exist."""
+    return _locate(source)[0]
 
 
 def data_of(source: str | os.PathLike, request: Request) -> tuple[Footprints | Grid, str]:

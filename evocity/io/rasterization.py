@@ -56,7 +56,7 @@ def _rasterize_window(
     rules = _height_rules(footprints, request, name)
     strayed = ""
     if footprints.crs.is_engineering:
-        crs, named, (x, y) = None, None, _local_center(polygons, footprints, request, name)
+        crs, named, (x, y) = None, None, local_center(polygons, footprints, request, name)
     else:
         places = _places(polygons, footprints, name) if tags else None
         named = request.center or footprints.center
@@ -354,9 +354,11 @@ def _paint(
     )
 
 
-def _local_center(
+def local_center(
     polygons: np.ndarray, footprints: Footprints, request: Request, name: str
 ) -> tuple[float, float]:
+    """Return the middle of the window of ``footprints`` without a place on Earth, in their own
+    metres: the one that the file names, or the middle of the buildings."""
     refuse_center(request, name)
     if any(axis.unit_conversion_factor != 1.0 for axis in footprints.crs.axis_info):
         raise MapError(

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pyogrio
 import shapely
 from pyogrio.errors import CRSError, DataLayerError, DataSourceError, FieldError, GeometryError
@@ -99,6 +100,31 @@ def read_layers(path: Path, request: Request) -> Footprints:
         account=account,
         note=note,
     )
+
+
+def layer_extent(path: Path, layer: str | None, large: int):
+    """Measure the layer of buildings by the index of the file, without reading its features.
+
+    Returns
+    -------
+    count, bounds, crs, first : number of features, their bounds and reference system, and the
+        middle of the first feature. ``bounds`` is None for a layer of at most ``large`` features,
+        and for a file without an index.
+    """
+    path = _place(path)
+    if path.suffix.lower() == ".gpkg":
+        check_views(path)
+    with _gdal_errors(path):
+        layer = _choose_layer(path, layer)
+        info = pyogrio.read_info(path, layer=layer)
+        count, bounds = int(info["features"]), info["total_bounds"]
+        is_indexed = info["driver"] == DRIVERS[path.suffix.lower()] and bounds is not None
+        if not is_indexed or count <= large or not info["crs"] or not np.isfinite(bounds).all():
+            return count, None, None, None
+        _, _, shapes, _ = pyogrio.raw.read(path, layer=layer, max_features=1, columns=[])
+        west, south, east, north = shapely.bounds(shapely.from_wkb(shapes[0]))
+    crs, _ = _crs(path, info["crs"])
+    return count, np.array(bounds), crs, ((west + east) / 2, (south + north) / 2)
 
 
 def _place(path: Path) -> Path:

@@ -149,7 +149,7 @@ class Fabric(Kind):
     def fabric(self, genome: Genome) -> Genome:
         return genome
 
-    def founder(self, genome: Genome, name: str, settle: bool) -> Genome:
+    def founder(self, genome: Genome, name: str, settle: bool | str) -> Genome:
         roofs = RoofTable.of_raster(roof_codes(genome))
         return genome.replace(
             cities=(name,),

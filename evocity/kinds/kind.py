@@ -110,7 +110,7 @@ class Kind(Protocol):
         """Return the fabric of a genome; None without a fabric."""
         return None
 
-    def founder(self, genome: Any, name: str, settle: bool) -> Any:
+    def founder(self, genome: Any, name: str, settle: bool | str) -> Any:
         """Make an earlier ``genome`` the founder of a run: it becomes a single city called
         ``name``, without its former lock; ``settle`` as in the run's header."""
 

@@ -64,7 +64,7 @@ class FormKind(Kind):
         own = Window(genome.pixels, genome.metres_per_pixel)
         return None if own == window else (str(own), str(window))
 
-    def founder(self, genome: Form, name: str, settle: bool) -> Form:
+    def founder(self, genome: Form, name: str, settle: bool | str) -> Form:
         return genome.replace(name=name, made=founder_provenance(genome))
 
     def express(self, genome: Form) -> Expressed:

@@ -93,7 +93,7 @@ class Sites(Kind):
     def window_mismatch(self, genome: Site, window: Window) -> tuple[str, str] | None:
         return _FABRIC.window_mismatch(genome.fabric, window)
 
-    def founder(self, genome: Site, name: str, settle: bool) -> Site:
+    def founder(self, genome: Site, name: str, settle: bool | str) -> Site:
         fabric = _FABRIC.founder(genome.fabric, name, settle)
         return Site.of(fabric, genome.courses, founder_provenance(genome))
 

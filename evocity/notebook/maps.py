@@ -4,10 +4,11 @@ from pathlib import Path
 
 from PIL import Image
 
+from evocity.analysis.page.shortlist import city_labels
 from evocity.citymap import CityMap
 from evocity.coding import decode
 from evocity.fitness import fsi, gsi
-from evocity.genome import VOID, Genome
+from evocity.genome import Genome
 from evocity.pictures import render
 from evocity.templates import data_uri, number, templates_of
 
@@ -104,6 +105,5 @@ def _facts(genome: Genome) -> list[tuple[str, str]]:
 
 def stone_of(genome: Genome) -> list[tuple[str, str]]:
     """Return source city -> share of the map that is its stone, for people; without traces."""
-    pairs = zip(genome.cities, genome.shares, strict=True)
-    named = [("bare ground" if name == VOID else name, share) for name, share in pairs]
-    return [(name, f"{share:.0%}") for name, share in named if share >= 0.005]
+    pairs = zip(city_labels(genome.cities), genome.shares, strict=True)
+    return [(name, f"{share:.0%}") for name, share in pairs if share >= 0.005]

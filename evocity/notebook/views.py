@@ -26,7 +26,7 @@ def view_html(view: View) -> str:
     """Return a `View` as HTML: the births that pass its filter, the first in its order as maps."""
     ids, chosen = view.filtered_ids, set(view.widget.chosen)
     shown = ids[:_MOST].tolist()
-    pictures, lacking = view.thumbnails.of(shown, _SIDE)
+    pictures, lacking = view.page.thumbnails.of(shown, _SIDE)
     column = view.table.column(view.widget.order["name"])
     values = column.values[np.searchsorted(view.table.ids, shown)]
     maps = []
@@ -52,7 +52,7 @@ def view_html(view: View) -> str:
         alt=f"parallel coordinates of {', '.join(one.name for one in axes)}",
         maps=maps,
         left=len(ids) - len(shown),
-        highest=view.thumbnails.highest,
+        highest=view.page.thumbnails.highest,
         credit=view.run.header.attribution,
     )
 

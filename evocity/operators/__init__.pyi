@@ -42,4 +42,5 @@ from .registry import operators as operators
 from .registry import origins as origins
 from .registry import parameters_of as parameters_of
 from .registry import plugin_warnings as plugin_warnings
+from .registry import reason_against as reason_against
 from .repair import collage_repair as collage_repair

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from evocity.genome import PROVENANCE, Genome
-from evocity.operators.crossover import Draft, Drafting, check_call
+from evocity.operators.crossover import Draft, Drafting, check_call, raw_heights
 from evocity.operators.grid import common_grid
 from evocity.operators.parameters import Check, at_fault
 from evocity.operators.quarter_fusion import filling_checks
@@ -93,6 +93,12 @@ class LambdaField(Drafting):
             raise at_fault(self.name, {"values": ("none", "numbers of 0…1")})
         return self._places(parents).choose(self._round(self.values, len(parents)))
 
+    def reason_unchanged(self, parents: Sequence[Genome]) -> str:
+        """Explain why the ``values`` fill no street block; an empty text if they fill one."""
+        if self.values is None or self.choice(parents).any():
+            return ""
+        return self._places(parents).reason_unchanged(self._round(self.values, len(parents)))
+
     def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
         self.check_count(len(parents))
         values = self.values
@@ -148,6 +154,7 @@ class _Places:
         self._begin_filling = partial(Filling, parents, grid, **how)
         first = self._begin_filling()
         self._numbers = first.numbers(area_min)
+        self._labels, self._grid, self._parents = first.host.labels, grid, parents
         self._weights = field_weights(first.host.labels, self._numbers, side)
         self._fits: list[list[Fit | None]] = []
         self._in_place: list[np.ndarray] = []
@@ -188,6 +195,30 @@ class _Places:
         best = beyond.argmax(axis=0)
         reached = np.take_along_axis(beyond, best[None], 0)[0] >= 0
         return np.where(reached, best + 1, 0)
+
+    def reason_unchanged(self, values: np.ndarray) -> str:
+        """Explain why fields ``(parents − 1, side, side)`` choose no parent for any block."""
+        if not values.any():
+            return "λ is 0 everywhere"
+        if not self._numbers.size:
+            return "the first parent has no large street block with buildings and without a lock"
+        fields = (self._weights[None] * values.reshape(len(values), 1, -1)).sum(axis=2)
+        here = fields > 0
+        if not here.any():
+            return "no street block of the first parent lies where λ is above 0"
+        able = np.isfinite(self._thresholds) & here
+        if not able.any():
+            at = np.isin(self._labels, self._numbers[here.any(axis=0)])
+            ours, *others = (
+                self._grid.blocks(raw_heights(one))[at.ravel()] for one in self._parents
+            )
+            if all(np.array_equal(ours, one) for one in others):
+                return "the parents are equal in the street blocks where λ is above 0"
+            return "no buildings of the other parents fit the street blocks where λ is above 0"
+        return (
+            f"λ is at most {fields[able].max():.2f} in street blocks that first change at "
+            f"{self._thresholds[able].min():.2f}"
+        )
 
     def fill(self, chosen: np.ndarray) -> Filling:
         """Fill the blocks with the fabric of the ``chosen`` parents."""

@@ -1,6 +1,7 @@
 """Plan return: faces of a plan get their own buildings back."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -34,6 +35,7 @@ class PlanReturn(PlanDrafting):
 
     name = "plan_return"
     parents = (1, None)
+    needs_filled_faces: ClassVar[bool] = True
 
     def _change(self, child: PlannedChild, rng: np.random.Generator) -> int:
         changed = [face for face in child.faces(0).tolist() if child.foreign(face)]

@@ -1,6 +1,7 @@
 """Plan spread: faces take the source city, the place and the turn of a neighbouring face."""
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -42,6 +43,7 @@ class PlanSpread(PlanDrafting):
 
     name = "plan_spread"
     parents = (1, None)
+    needs_filled_faces: ClassVar[bool] = True
 
     def _change(self, child: PlannedChild, rng: np.random.Generator) -> int:
         pairs = child.plan.neighbours

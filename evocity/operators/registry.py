@@ -50,7 +50,8 @@ class Operator(Protocol):
 
     An operator whose parameters do not suit every number of parents has a method
     ``check_count(count)``. The method ``check_count`` raises `OperatorError` for a number of
-    parents that the parameters do not suit.
+    parents that the parameters do not suit. An operator that changes only faces that other
+    operators filled sets ``needs_filled_faces`` to True; it copies a parent without such faces.
     """
 
     name: ClassVar[str]
@@ -108,6 +109,9 @@ OF_FORMS: Mapping[str, type[Operator]] = {
 }
 
 
+_PLURALS = {"fabric": "city fabrics", "shape": "shapes", "curve": "curves"}
+
+
 def operators(of: Collection[str] | None = None) -> dict[str, type[Operator]]:
     """List all operators by name: operators of evocity, and operators of other packages with entry
     points ``evocity.operators``. The argument ``of`` selects the operators that breed "fabric",
@@ -120,6 +124,28 @@ def bred_by(operator: object) -> str:
     """Return the kind of chromosome that an operator, or a class of operators, breeds: "fabric",
     "shape" or "curve"."""
     return getattr(operator, "of", "fabric")
+
+
+def reason_against(operator: object, factors: Collection[str], parents: Sequence[Genome]) -> str:
+    """Explain why an operator, or a class of operators, does not suit ``parents``; an empty text if
+    it suits them. ``factors``: what the parents' kind of chromosome breeds, as for `operators`."""
+    from evocity.operators.plans.inheritance import InheritedPlan, founder_name
+
+    bred, (fewest, _) = bred_by(operator), operator.parents
+    if bred not in factors:
+        return f"it breeds {_PLURALS[bred]}, not {' or '.join(_PLURALS[one] for one in factors)}"
+    if len(parents) < fewest:
+        return f"it needs {fewest} or more parents"
+    if getattr(operator, "needs_filled_faces", False):
+        plans = [InheritedPlan.from_made(parent.made) for parent in parents]
+        known = [plan for plan in plans if plan is not None]
+        founders = sum(founder_name(parent) is not None for parent in parents)
+        # a founder among the parents shows which faces of the others are changed
+        if not any(one.genes or one.edited or one.touched for one in known) and (
+            founders in (0, len(parents))
+        ):
+            return "it changes only faces that plan fusion filled, and no parent has such faces"
+    return ""
 
 
 def origins() -> dict[str, str]:

@@ -6,6 +6,7 @@ from matplotlib.patches import Patch
 
 from evocity.analysis import Individual
 from evocity.analysis.distributions import QUANTITIES, Distribution, distributions
+from evocity.analysis.page.shortlist import city_labels
 from evocity.citymap import CityMap
 from evocity.coding import decode
 from evocity.coding.ancestry import ancestry
@@ -98,11 +99,11 @@ def _provenance(ax: Axes, genome: Genome, name: str) -> None:
 def city_patches(cities, shares=None) -> list[Patch]:
     """Return the entries of a legend for the ``cities``: colour, and share if given."""
     shares = [None] * len(cities) if shares is None else shares
+    parts = zip(city_labels(cities), city_colours(cities), shares, strict=True)
     return [
         Patch(facecolor=colour, edgecolor=style.FAINTS, linewidth=0.4,
-              label=("bare ground" if city == VOID else style.short(city))
-              + ("" if share is None else f", {share:.0%}"))
-        for city, colour, share in zip(cities, city_colours(cities), shares, strict=True)
+              label=style.short(city) + ("" if share is None else f", {share:.0%}"))
+        for city, colour, share in parts
         if share is None or share > 0
     ]  # fmt: skip
 

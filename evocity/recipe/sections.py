@@ -175,13 +175,19 @@ def read_block(value: Any) -> Any:
     return sides
 
 
+def _read_settling(value):
+    if isinstance(value, bool) or value == "roofs":
+        return value
+    raise fault(spell(value), 'true, false or "roofs"')
+
+
 class GenomeSection(Section):
     """``[genome]``: how the sources are encoded, see `evocity.encode`.
 
     ``block``: one side, or a range of sides such as "2-16" for leaves that follow the city;
     ``lifs`` or ``max_error`` decides how many leaves there are. ``domains`` named twice count once.
-    ``fit`` refines σ and β until the decoded map is closest. ``settle`` settles roofs in all
-    measures, pictures and exports.
+    ``fit`` refines σ and β until the decoded map is closest. ``settle`` settles
+    buildings, or only roofs, in all measures, pictures and exports.
     """
 
     block: Annotated[int | tuple[int, int], BeforeValidator(read_block)] = USUAL
@@ -196,7 +202,7 @@ class GenomeSection(Section):
     sigma_max: float = Field(0.9, gt=0, le=1000, allow_inf_nan=False)
     topological: float | None = Field(None, ge=0, le=1)
     fit: bool = True
-    settle: bool = True
+    settle: Annotated[bool | str, BeforeValidator(_read_settling)] = True
 
     @property
     def coding(self) -> dict[str, Any]:

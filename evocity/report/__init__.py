@@ -1,11 +1,8 @@
 """A run as a self-contained HTML report, and as a sheet of pictures.
 
-- `html`: the page, by the templates in `templates/`, and its glossary
-- `shown_births`: the individuals that the page shows, read and decoded once
-- `summary`, `shortlist`, `front`, `gallery`, `islands`, `tables`: its sections
-- `plots`: scatter plots and curves as inline SVG
-- `pictures`, `grid`: maps on one scale of heights, the contact sheet, the grid of MAP-Elites
-- `failed_births`: failures, repeated genomes, births that differ when replayed
+- `html`: the page, by the template in `templates/`: its facts and its views are those of
+  `evocity.analysis.page`
+- `contact_sheet`, `grid`: maps of a run on one picture
 """
 
 from evocity.lazy_imports import lazy_names

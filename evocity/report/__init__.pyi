@@ -1,11 +1,12 @@
 """Public names of the room, for type checkers; `__init__.py` loads each on first use."""
 
-from .failed_births import differing as differing
-from .failed_births import differing_told as differing_told
-from .failed_births import failures as failures
-from .failed_births import repeated as repeated
-from .failed_births import unrecorded as unrecorded
+from evocity.analysis.failed_births import differing as differing
+from evocity.analysis.failed_births import differing_told as differing_told
+from evocity.analysis.failed_births import failures as failures
+from evocity.analysis.failed_births import repeated as repeated
+from evocity.analysis.failed_births import unrecorded as unrecorded
+
+from .contact_sheet import contact_sheet as contact_sheet
 from .grid import grid_picture as grid_picture
 from .grid import run_picture as run_picture
 from .html import write_report as write_report
-from .pictures import contact_sheet as contact_sheet

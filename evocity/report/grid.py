@@ -9,14 +9,13 @@ from PIL import Image, ImageDraw
 
 from evocity.analysis import Run
 from evocity.analysis.births import Births
-from evocity.analysis.thumbnails import highest_of
+from evocity.analysis.thumbnails import cities_of, highest_of
 from evocity.citymap import CityMap
 from evocity.pictures.colours import FAINT, GROUND, INK, PAPER
 from evocity.pictures.legend import font
 from evocity.pictures.picture import render
 from evocity.pictures.sheet import draw_scale
-from evocity.report.pictures import contact_sheet
-from evocity.report.shown_births import map_of
+from evocity.report.contact_sheet import contact_sheet
 from evocity.search.record.grid import Binned
 from evocity.selection.cells import Grid
 
@@ -252,5 +251,4 @@ def _fill(sheet, draw, births: Births, binned: Binned, layout: _Layout, highest:
 
 def _cities(births: Births, ids: list[int]) -> Iterator[tuple[int, CityMap]]:
     for start in range(0, len(ids), _AT_A_TIME):
-        for birth in births.run.individuals(ids[start : start + _AT_A_TIME], stones=False):
-            yield birth.id, map_of(births, birth)
+        yield from cities_of(births, ids[start : start + _AT_A_TIME]).items()

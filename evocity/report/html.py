@@ -1,29 +1,32 @@
-"""The HTML report of a run: one page that opens anywhere, without network."""
+"""The HTML report of a run: one file that opens anywhere, without network, and reads without
+script."""
 
+import json
 import os
+import re
 from base64 import b64encode
 from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
 
+import numpy as np
 from markupsafe import Markup
 
-from evocity.analysis import Aim, Run, open_run
+from evocity.analysis import Aim, Individual, Run, open_run
 from evocity.analysis.export import report_write_errors, written_file
-from evocity.fitness import measures
+from evocity.analysis.page import Page
+from evocity.analysis.thumbnails import cities_of, thumbnail
+from evocity.citymap import CityMap
+from evocity.errors import EvocityError, RunError
+from evocity.fitness import Reference, measures
 from evocity.fitness.part import own_name
-from evocity.report import tables
-from evocity.report.front import Front, curves
-from evocity.report.gallery import Galleries, city_key, parents
-from evocity.report.grid import grid_picture
-from evocity.report.islands import Islands, island_curves
-from evocity.report.pictures import pictures_of, scale_colours
-from evocity.report.plots import ticks
-from evocity.report.shortlist import best_of_last, search_for, shortlist_cards, title_of
-from evocity.report.shown_births import ShownBirths
-from evocity.report.summary import Summary
+from evocity.pictures.colours import ramp
+from evocity.pictures.legend import round_steps
+from evocity.scene import scene
 from evocity.store.run_directory import RunDirectory
-from evocity.templates import data_uri, templates_of
+from evocity.templates import data_uri, number, templates_of
+from evocity.viewer.module_bundle import module, text
+from evocity.viewer.sheet import Sheet
 
 #: Word -> explanation. Templates explain a word at its first place, and list all at the end.
 WORDS = {
@@ -69,12 +72,16 @@ WORDS = {
 }
 
 TEMPLATES = Path(__file__).parent / "templates"
-
+#: Births with a picture on the page, at most; px along a picture.
+MOST_PICTURES, SIDE = 1200, 96
+# Px along a plan and across a scene.
+_PLAN, _SCENE = 288, 560
 # The page fetches nothing and runs only our own script: a stranger's text can do neither.
 _POLICY = (
-    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{}'; "
-    "base-uri 'none'; form-action 'none'"
+    "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; "
+    "script-src 'sha256-{}'; base-uri 'none'; form-action 'none'"
 )
+_NUMBERS = ("no", "one", "two", "three", "four", "five")
 
 
 def write_report(run_folder: str | os.PathLike, output: str | os.PathLike | None = None) -> Path:
@@ -82,18 +89,17 @@ def write_report(run_folder: str | os.PathLike, output: str | os.PathLike | None
     default ``report.html`` in the run folder.
 
     The page contains everything in one file. The page shows which individuals to keep and why, the
-    parents, the front, and curves over the generations. The page has galleries of the last
-    generation and of the archive, and tables of births and failures. The page ends with the
-    settings of the run and the attributions. The function executes no code from the run folder.
-    Raises `RunError` if there is no run, if no generation is complete, or if the page cannot be
-    written.
+    parents, the settings of the run and the attributions; a browser needs no script for them. With
+    script, the page also shows all births: it filters them, and shows curves, pedigrees and tables.
+    The function executes no code from the run folder. Raises `RunError` if there is no run, if no
+    generation is complete, or if the page cannot be written.
     """
     run = open_run(run_folder)
     if output is None:
         return _write_into(run)
-    text = page_of(ShownBirths(run))
+    content = html_of(Page(run))
     with written_file(Path(output)) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(content, encoding="utf-8")
     return Path(output)
 
 
@@ -101,74 +107,119 @@ def _write_into(run: Run) -> Path:
     """Write the report into the run folder, never through a link."""
     directory, page = RunDirectory(run.path), run.path / "report.html"
     directory.check_replaceable(page)
-    text = page_of(ShownBirths(run))
+    content = html_of(Page(run))
     with report_write_errors(page):
-        directory.write_bytes(page, text.encode())
+        directory.write_bytes(page, content.encode())
     return page
 
 
-def page_of(shown: ShownBirths) -> str:
-    """Return the report as HTML. Raises as `write_report` does."""
-    return templates_of(TEMPLATES).get_template("page.html").render(page_values(shown))
-
-
-def page_values(shown: ShownBirths) -> dict:
-    """Return the values of the template, which escapes all but our drawings, style and script."""
-    run, pictures = shown.run, pictures_of(shown)
-    highest = pictures.highest
-    cards = shortlist_cards(shown, pictures)
-    script = _asset("report.js")
-    digest = b64encode(sha256(script.encode()).digest()).decode()
-    return {
-        "policy": Markup(_POLICY.format(digest)),
-        "style": _asset("report.css"),
-        "script": script,
+def html_of(page: Page) -> str:
+    """Return a page as HTML. Raises as `write_report` does."""
+    run, highest = page.run, page.thumbnails.highest
+    if not run.columns.sources:
+        raise RunError(
+            f"the folder {run.path / 'sources'} contains no source city",
+            "the source cities that `evocity run` wrote",
+            "restore the folder from a backup, or start the run again",
+        )
+    sources = [source.city for source in run.columns.sources]
+    cities = cities_of(run.columns, [card["id"] for card in page.keep])
+    others = other_measures(page, cities)
+    script = module() + (TEMPLATES / "host.js").read_text("utf-8")
+    script = re.sub("</(?=script)", r"<\\/", script.replace("<!--", r"<\!--"), flags=re.I)
+    steps = ramp(np.linspace(0, highest, 24, dtype=np.float32)[None], highest)[0]
+    values = {
+        "policy": Markup(_POLICY.format(b64encode(sha256(script.encode()).digest()).decode())),
+        "style": Markup(text("viewer.css") + (TEMPLATES / "report.css").read_text("utf-8")),
+        "script": Markup(script),
+        "data": Markup(_data(page)),
+        "page": page,
+        "run": run,
+        "title": _title(page),
+        "search_for": search_for(page.shortlist.untraced),
+        "plans": {one: _plan(city, highest) for one, city in cities.items()},
+        "scenes": {one: _scene(city, highest) for one, city in cities.items()},
+        "others": others,
+        "parents": [_plan(city, highest) for city in sources],
+        "highest": highest,
+        "top": max(float(city.heights.max()) for city in sources),
+        "colours": ["#" + bytes(colour).hex() for colour in steps],
+        "ticks": [(f"{step / highest:.1%}", f"{step:g}") for step in round_steps(highest, 5)],
         "words": WORDS,
         "measures": measure_texts(run.columns.logged),
-        "shown": shown,
-        "run": run,
-        "header": run.header,
-        "summary": Summary(shown),
-        "highest": highest,
-        "top": max(float(source.city.heights.max()) for source in shown.sources),
-        "colours": scale_colours(highest),
-        "ticks": [(f"{metres / highest:.1%}", f"{metres:g}") for metres in ticks(0, highest)],
-        "cards": cards,
-        "shortlist_title": title_of(cards),
-        "search_for": search_for(shown.shortlist.untraced),
-        "best": [] if cards else best_of_last(shown, highest),
-        "parents": parents(shown, pictures),
-        "front": Front(shown),
-        "grids": [_grid(shown, island) for island in run.columns.grids],
-        "islands": _islands(shown),
-        "curves": list(curves(run)),
-        "galleries": Galleries(shown, pictures),
-        "cities": city_key(run.header.cities),
-        "tables": tables,
     }
+    return templates_of(TEMPLATES).get_template("page.html").render(values)
 
 
-def _asset(name: str) -> Markup:
-    return Markup((TEMPLATES / name).read_text(encoding="utf-8"))
-
-
-def _grid(shown: ShownBirths, island: str | None) -> dict:
-    """The picture of the run's grid, or of an ``island``'s."""
-    picture = grid_picture(shown.run, island)
-    return {
-        "title": "The grid" if island is None else f"The grid of {island}",
-        "picture": data_uri(picture),
-        "width": picture.width,
-        "names": " × ".join(shown.births.grids[island].grid.descriptors),
+def _data(page: Page) -> str:
+    """Return the document of the page, its births and their pictures, as JSON."""
+    sheet = picture_sheet(page)
+    data = {
+        "document": page.document,
+        "births": b64encode(page.table.buffer).decode(),
+        "pictures": sheet.about | {"image": b64encode(sheet.image).decode()},
     }
+    return json.dumps(data, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
 
 
-def _islands(shown: ShownBirths) -> dict | None:
-    """How good each island is, who lives where, and who moved."""
-    if not shown.run.header.islands:
-        return None
-    islands = Islands(shown.run)
-    return tables.of_islands(islands) | {"curves": island_curves(islands)}
+def picture_sheet(page: Page) -> Sheet:
+    """Return the pictures of the page on one sheet: of the births to keep, the living and the
+    archive, and of the youngest other births whose small maps the log has."""
+    births = page.run.columns
+    first = [card["id"] for card in page.keep] + births.ranked()[0].tolist()
+    first += page.run.archive.ids.tolist() if births.has_known_goals else []
+    others = births.ids[births.ok][::-1].tolist() if page.thumbnails.logged else []
+    ids = list(dict.fromkeys([*first, *others]))[:MOST_PICTURES]
+    pictures, lacking = page.thumbnails.of(ids, SIDE)
+    for one in [one for one, reason in lacking.items() if reason.startswith("ok: ")]:
+        _ = Individual(births, one).city  # raises: its genome is damaged
+    return Sheet.of(pictures, lacking, "webp")
+
+
+def _plan(city: CityMap, highest: float) -> str:
+    return data_uri(thumbnail(city, highest, _PLAN))
+
+
+def _scene(city: CityMap, highest: float) -> str:
+    return data_uri(scene(city).picture(width=_SCENE, highest=highest, legend=False))
+
+
+def _title(page: Page) -> str:
+    many = len(page.keep)
+    if not page.shortlist:
+        return "Best of the last generation"
+    return f"{_NUMBERS[many]} to keep".capitalize()
+
+
+def search_for(untraced: Sequence[str]) -> str:
+    """Return Python that finds births with stones of the ``untraced`` source cities."""
+    return (
+        'import evocity\nrun = evocity.open_run("RUN")\n'
+        f"untraced = {list(untraced)!r}\n"
+        'shares = run.ancestry("feasible")\n'
+        "some = shares[(shares[untraced] > 0.05).all(axis=1)]\n"
+        "print(run.keep(5, of=some))"
+    )
+
+
+def other_measures(page: Page, cities: dict[int, CityMap]) -> dict[int, list[tuple[str, str]]]:
+    """Measure the ``cities`` of some births by measures that the run did not log: id -> pairs of
+    name and value."""
+    run, sources = page.run, [source.city for source in page.run.columns.sources]
+    known = [one for one in measures() if one.name not in run.header.columns]
+    bound = [one.bound(Reference.sources(sources)) for one in known]
+    births = run.individuals(list(cities))
+    values: dict[int, list[tuple[str, str]]] = {}
+    for birth, parents in zip(births, run.parents(births), strict=True):
+        given = {"parents": parents, "sources": sources, "genome": birth.genome}
+        values[birth.id] = []
+        for measure in bound:
+            try:
+                value = measure(cities[birth.id], **given)
+            except EvocityError:  # not a measure of the run: the report goes on without it
+                value = None
+            values[birth.id].append((measure.name, number(value, measure.unit)))
+    return values
 
 
 def measure_texts(logged: Sequence[Aim]) -> tuple[dict[str, str], dict[str, str]]:

@@ -49,6 +49,11 @@ def write_shape(shape: Shape, path: str | os.PathLike) -> None:
     faces; null means the box around the attractor. The key ``language`` holds a table and its
     accepting states; null means all words.
     """
+    write_document(shape_document(shape), path)
+
+
+def shape_document(shape: Shape) -> dict:
+    """Return the document that `write_shape` writes."""
     primitive = shape.primitive
     written: object = None
     if primitive is not None:
@@ -62,7 +67,7 @@ def write_shape(shape: Shape, path: str | os.PathLike) -> None:
     if shape.language != Language.every(len(shape)):
         least = shape.language.minimal
         language = {"table": least.table.tolist(), "accepting": least.accepting.tolist()}
-    document = {
+    return {
         "evocity": "shape",
         "version": _VERSION,
         "maps": shape.maps.tolist(),
@@ -71,7 +76,6 @@ def write_shape(shape: Shape, path: str | os.PathLike) -> None:
         "colours": None if shape.colours is None else shape.colours.tolist(),
         "mix": shape.mix,
     }
-    write_document(document, path)
 
 
 def read_shape(path: str | os.PathLike) -> Shape:
@@ -94,20 +98,23 @@ def write_curve(
     is smaller by the factor ``1 / N^k`` if the k finest levels of a curve of N maps have no
     details.
     """
-    write_document(
-        {
-            "evocity": "curve",
-            "version": _VERSION,
-            "maps": detailed.curve.maps.tolist(),
-            "shared": detailed.shared,
-            "depth": detailed.depth,
-            "kept": detailed.kept,
-            "points": detailed.points(detailed.kept).tolist(),
-            "crs": crs,
-            "attribution": attribution,
-        },
-        path,
-    )
+    write_document(curve_document(StoredCurve(detailed, crs, attribution)), path)
+
+
+def curve_document(stored: StoredCurve) -> dict:
+    """Return the document that `write_curve` writes."""
+    detailed = stored.detailed
+    return {
+        "evocity": "curve",
+        "version": _VERSION,
+        "maps": detailed.curve.maps.tolist(),
+        "shared": detailed.shared,
+        "depth": detailed.depth,
+        "kept": detailed.kept,
+        "points": detailed.points(detailed.kept).tolist(),
+        "crs": stored.crs,
+        "attribution": stored.attribution,
+    }
 
 
 def read_curve(path: str | os.PathLike) -> StoredCurve:
@@ -117,7 +124,20 @@ def read_curve(path: str | os.PathLike) -> StoredCurve:
 
 
 def _read(path: str | os.PathLike, kind: str, made):
-    document = read_document(path)
+    return _parse(read_document(path), os.fspath(path), kind, made)
+
+
+def parse_shape(document: dict, name: str) -> Shape:
+    """Make a shape from a ``document`` of `write_shape`; ``name`` is its name in messages."""
+    return _parse(document, name, "shape", _shape_of)
+
+
+def parse_curve(document: dict, name: str) -> StoredCurve:
+    """Make a curve from a ``document`` of `write_curve`; ``name`` is its name in messages."""
+    return _parse(document, name, "curve", _curve_of)
+
+
+def _parse(document: dict, path: str, kind: str, made):
     if document.get("evocity") != kind:
         raise ShapeError(
             f"the document in {path} is not a {kind}",

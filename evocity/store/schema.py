@@ -34,9 +34,9 @@ from evocity.store.thumbnails import LONGEST, Thumbnails, thumbnail_columns, thu
 #: blocks of many sides, lists of any length, a kind of chromosome, and settled roofs or not. 4 has
 #: recorded measures. 5 has other marks of the living than crowding distance. 6 has figures of all
 #: the living. 7 has islands. 8 leaves genomes out. 9 has other kinds of chromosomes than fabric.
-#: 10 has thumbnails, and lists without nulls.
+#: 10 has thumbnails, and lists without nulls. 11 settles roofs, not whole buildings.
 #: New runs without these are written as 3; a run of an older release goes on as it began.
-SCHEMA_VERSIONS = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10)
+SCHEMA_VERSIONS = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11)
 
 #: How a birth can end. Only `ok` individuals may live, breed or be best. `invalid`: a measure has
 #: no finite value; `died`: the worker ended early; `memory`: the birth took too much memory.
@@ -81,7 +81,8 @@ class Header:
     are columns ``fitness.<name>``. ``cities``: the sources that the genomes' ``parent`` points
     into. ``population``: births of a generation, and the most that live unless the algorithm says
     otherwise. ``locked``: the digest of the condensation of all genomes, None without. ``kind``:
-    the kind of chromosome, see `evocity.kinds`. ``settle``: whether decoding settles roofs.
+    the kind of chromosome, see `evocity.kinds`. ``settle``: whether and how decoding settles
+    roofs, see `evocity.decode`.
     ``block``: the side of all range blocks in runs of older releases, None in others. ``marks``:
     the algorithm's values of each living individual, columns of the membership; ``figures``: its
     values of all the living, in each generation's summary. ``islands``: names; births and
@@ -105,7 +106,7 @@ class Header:
     measures: _Names
     locked: str | None = None
     kind: Literal[tuple(KINDS)] = "fabric"
-    settle: bool = False
+    settle: bool | Literal["roofs"] = False
     block: _Side | None = None
     recorded: _Names = ()
     marks: Annotated[_Names, AfterValidator(_no_column)] = CROWDING
@@ -122,8 +123,9 @@ class Header:
         if self.block is not None:
             return 1 if self.locked is None else 2
         since = {**_SINCE, "kind": 9}
+        least = 11 if isinstance(self.settle, str) else 3
         return max(
-            [since[key] for key in since if getattr(self, key) != getattr(Header, key)] + [3]
+            [since[key] for key in since if getattr(self, key) != getattr(Header, key)] + [least]
         )
 
     @property

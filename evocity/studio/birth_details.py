@@ -1,12 +1,11 @@
-"""The details of one birth: scores, pictures, solids, origin, pedigree, call counts, buildings; its
+"""The details of one birth: scores, pictures, solids, origin, call counts, buildings; its
 difference from another birth."""
 
 import io
 import math
-import threading
-from collections import OrderedDict
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from PIL import Image
@@ -17,19 +16,24 @@ from evocity.analysis.births import label
 from evocity.analysis.clusters import farthest_first
 from evocity.analysis.distributions import QUANTITIES, Distribution, distributions
 from evocity.analysis.individual import Individual, describe_scarce
+from evocity.analysis.page.shortlist import city_labels
+from evocity.citymap import CityMap
 from evocity.errors import RunError
+from evocity.fitness.light import find_latitude
 from evocity.genome import Genome
 from evocity.pictures import Change, render_change
 from evocity.pictures.colours import field_colours, scale_end
+from evocity.studio.background_job import Cache
 from evocity.studio.request_fields import Body, Id
 from evocity.studio.run_watcher import Moment, RunWatcher
 
+if TYPE_CHECKING:
+    from evocity.scene import Library
+
 #: The kinds of pictures of a birth.
 PICTURES = ("map", "stones")
-#: Steps back in a pedigree; births shown in a step; letters shown of a text; at most.
-MOST_STEPS, IN_A_STEP, LETTERS = 6, 12, 400
-#: Spans of generations in which ancestors are counted, at most.
-MOST_SPANS = 240
+#: Children shown of a birth; letters shown of a text; at most.
+MOST_CHILDREN, LETTERS = 12, 400
 #: Points of a distribution that the page receives, at most.
 MOST_POINTS = 256
 #: Triangles of one birth, and births whose triangles are kept; at most.
@@ -60,8 +64,8 @@ def describe_birth(moment: Moment, identifier: int) -> dict:
     shares = {}
     fabric = None if birth.genome is None else births.run.header.chromosome.fabric(birth.genome)
     if fabric is not None:
-        pairs = zip(fabric.cities, fabric.shares, strict=True)
-        shares = {str(city): float(share) for city, share in pairs if share > 0}
+        pairs = zip(city_labels(fabric.cities), fabric.shares, strict=True)
+        shares = {city: float(share) for city, share in pairs if share > 0}
     facts = ("id", "generation", "island", "operator", "status", "alive", "lived", "feasible")
     return {
         **{name: getattr(individual, name) for name in facts},
@@ -78,11 +82,12 @@ def describe_birth(moment: Moment, identifier: int) -> dict:
         "stones": shares,
         "scarce": _scarce(individual, fabric),
         "pictured": birth.genome is not None or birth.left_out,
+        "fabric": "fabric" in births.run.header.chromosome.factors,
     }
 
 
 def _scarce(individual: Individual, fabric: Genome | None) -> str:
-    """The source cities with few of the buildings of a child, in a sentence."""
+    """Name the source cities with few of the buildings of a child, in a sentence."""
     if fabric is None or individual.status != "ok" or individual.operator == "source":
         return ""
     cities = [one.name for one in individual.births.sources if one.city.built.any()]
@@ -91,8 +96,8 @@ def _scarce(individual: Individual, fabric: Genome | None) -> str:
 
 def _children(moment: Moment, row: int) -> list[int]:
     """Return the ids of the first children of the birth in a ``row``."""
-    parents, children = moment.pedigree.parents(np.arange(len(moment.run.columns)))
-    return moment.run.columns.ids[np.unique(children[parents == row])[:IN_A_STEP]].tolist()
+    parents, children = moment.run.pedigree.parents(np.arange(len(moment.run.columns)))
+    return moment.run.columns.ids[np.unique(children[parents == row])[:MOST_CHILDREN]].tolist()
 
 
 def _text(value: object) -> str:
@@ -132,110 +137,90 @@ def call_counts_of(
     moment: Moment, identifier: int, count: str, other: int | None = None
 ) -> tuple[dict, bytes]:
     """Return how often a birth calls its own parts, by a count of `COUNTS`: the ``most`` calls and
-    the ``end`` of the colours, above which few parts lie; a PNG with a bar of its colours. With an
-    ``other`` birth both have the same ``end``."""
+    the ``end`` of the colours, above which few parts lie; `coloured_field`. With an ``other`` birth
+    both have the same ``end``."""
     from evocity.coding.usage import usage
 
     ids = [identifier] if other is None else [identifier, other]
     counts = [getattr(usage(Individual(moment.run.columns, n).genome), count) for n in ids]
     end = max(float(np.quantile(one, 0.995)) or float(one.max()) for one in counts) or 1.0
-    values = counts[0]
-    about = {"most": int(values.max()), "end": end}
+    return {"most": int(counts[0].max()), "end": end}, coloured_field(counts[0], end)
+
+
+def coloured_field(values: np.ndarray, end: float) -> bytes:
+    """Return values with colours up to ``end``, above a bar of the colours, as PNG."""
     bar = np.linspace(0, end, values.shape[1])[None].repeat(_BAR, axis=0)
     gap = np.full((_BAR // 2, values.shape[1], 3), 255, np.uint8)
     parts = [field_colours(values.astype(np.float32), end), gap, field_colours(bar, end)]
-    return about, png_of(Image.fromarray(np.concatenate(parts)))
+    return png_of(Image.fromarray(np.concatenate(parts)))
 
 
 def heights_of(moment: Moment, identifier: int) -> tuple[dict, bytes]:
-    """Return rows, columns and metres per pixel; heights in metres, float32, from the north."""
+    """Return `framed_heights`, and the latitude of the map."""
     city = Individual(moment.run.columns, identifier).city
+    about, content = framed_heights(city)
+    return about | {"latitude": find_latitude(city, moment.cities[0])}, content
+
+
+def framed_heights(city: CityMap) -> tuple[dict, bytes]:
+    """Return rows, columns and metres per pixel; heights in metres, float32, from the north."""
     height, width = city.shape
     about = {"height": height, "width": width, "metres": float(city.metres_per_pixel)}
     return about, np.ascontiguousarray(city.heights, "<f4").tobytes()
 
 
+@dataclass(frozen=True)
+class SceneOptions:
+    """Options of a 3D view: ``streets`` as ground, colours by ``classes``, objects of the
+    ``library`` of the command line."""
+
+    streets: bool = False
+    classes: bool = False
+    library: bool = False
+
+
 class Solids:
-    """Triangles of births of one run for the walk, with straight walls; the last ones are kept."""
+    """Triangles of births of one run, with straight walls; the last ones are kept. The ``library``
+    is that of the command line, if there is one."""
 
-    def __init__(self, watcher: RunWatcher):
-        self._watcher = watcher
-        self._lock = threading.Lock()
-        self._kept: OrderedDict[tuple[str, int], bytes] = OrderedDict()
+    def __init__(self, watcher: RunWatcher, library: "Library | None" = None):
+        self._watcher, self._library = watcher, library
+        self._cache = Cache(MOST_KEPT)
 
-    def of(self, identifier: int) -> bytes:
-        """Return `evocity.scene.Scene.triangles` of a birth: nine float32 of corners for each, then
-        three bytes of colour for each. One birth is computed at a time; the run stays readable."""
+    def of(self, identifier: int, options: SceneOptions = SceneOptions()) -> tuple[dict, bytes]:
+        """Return the ``groups`` of a birth's scene that have a colour of their own, each with name,
+        colour and number of objects, and the ``attribution``; and `evocity.scene.Scene.triangles`:
+        nine float32 of corners for each, then three bytes of colour for each. One birth is
+        computed at a time; the run stays readable."""
         with self._watcher.reading:
             moment = self._watcher.moment
-            key = (moment.fingerprint, identifier)
-            city, highest = (
-                Individual(moment.run.columns, identifier).city,
-                moment.thumbnails.highest,
+            key = (moment.fingerprint, identifier, options)
+            city = Individual(moment.run.columns, identifier).city
+            highest = moment.thumbnails.highest
+        return self._cache.get(key, lambda: self._triangles(city, highest, identifier, options))
+
+    def _triangles(
+        self, city: CityMap, highest: float, identifier: int, options: SceneOptions
+    ) -> tuple[dict, bytes]:
+        from evocity.scene import scene
+
+        library = self._library if options.library else None
+        made = scene(city, streets=options.streets, library=library)
+        colours = "classes" if options.classes else "heights"
+        corners, shades = made.triangles(colours, highest=highest)
+        if len(corners) > MOST_TRIANGLES:
+            raise RunError(
+                f"birth {identifier} has too many triangles for a 3D view: {len(corners)}",
+                f"at most {MOST_TRIANGLES} triangles",
+                "save the birth as a scene, and open the scene in a 3D program",
             )
-        with self._lock:
-            if key not in self._kept:
-                from evocity.scene import scene
-
-                corners, colours = scene(city).triangles(highest=highest)
-                if len(corners) > MOST_TRIANGLES:
-                    raise RunError(
-                        f"birth {identifier} has too many triangles for a 3D view: {len(corners)}",
-                        f"at most {MOST_TRIANGLES} triangles",
-                        "save the birth as a scene, and open the scene in a 3D program",
-                    )
-                content = np.ascontiguousarray(corners, "<f4").tobytes() + colours.tobytes()
-                self._kept[key] = content
-                while len(self._kept) > MOST_KEPT:
-                    self._kept.popitem(last=False)
-            self._kept.move_to_end(key)
-            return self._kept[key]
-
-
-# -- ancestors ------------------------------------------------------------------------------------
-
-
-def pedigree_of(moment: Moment, identifier: int, steps: int) -> dict:
-    """Return the ancestors of a birth, without reading a genome. ``steps``: lists of ids, one step
-    back and so on. ``links``: pairs of parent and child among the shown births. ``more``: the
-    number of hidden births of each step."""
-    births, pedigree = moment.run.columns, moment.pedigree
-    known = rows = births.rows([identifier])
-    listed, more = [rows], [0]
-    for _ in range(steps):
-        parents = np.unique(pedigree.parents(rows)[0])
-        rows = parents[~np.isin(parents, known)]
-        known = np.union1d(known, rows)
-        if not rows.size:
-            break
-        listed.append(rows[:IN_A_STEP])
-        more.append(max(0, rows.size - IN_A_STEP))
-    shown = np.concatenate(listed)
-    every = pedigree.ancestors(listed[0])
-    links = np.column_stack(pedigree.edges(shown)).tolist()
-    cities = moment.run.header.cities
-    return {
-        "steps": [births.ids[step].tolist() for step in listed],
-        "links": [list(pair) for pair in dict.fromkeys(map(tuple, links))],
-        "more": more,
-        "cities": {
-            n: str(cities[n])
-            for row, n in zip(shown, births.ids[shown].tolist(), strict=True)
-            if births.operator[row] == "source" and n < len(cities)
-        },
-        "born": count_ancestors(
-            births.generation[every[every != listed[0]]], births.generation[shown[1:]]
-        ),
-    }
-
-
-def count_ancestors(every: np.ndarray, shown: np.ndarray) -> dict:
-    """Count ancestors by the generation of their birth: for each ``span`` of generations, at most
-    `MOST_SPANS`, the number of ``every`` ancestor and of those that are ``shown``."""
-    last = int(every.max(initial=0))
-    span = -(-(last + 1) // MOST_SPANS)
-    counts = [np.bincount(one // span, minlength=last // span + 1) for one in (every, shown)]
-    return {"span": span, "every": counts[0].tolist(), "shown": counts[1].tolist()}
+        groups = [
+            [group.name, [round(255 * c) for c in group.colour], len(group)]
+            for group in made.groups
+            if len(group) and (options.classes or not group.heights.any())
+        ]
+        content = np.ascontiguousarray(corners, "<f4").tobytes() + shades.tobytes()
+        return {"groups": groups, "attribution": made.about.attribution}, content
 
 
 # -- comparison -----------------------------------------------------------------------------------
@@ -314,9 +299,9 @@ def compare_births(moment: Moment, request: Comparison) -> bytes:
     values = np.full(len(ids), np.nan, np.float32)
     kept = known[: len(ids)]
     if request.to is not None:
-        values[kept] = moment.likeness.from_one(request.to, ids[kept], request.by)
+        values[kept] = moment.run.likeness.from_one(request.to, ids[kept], request.by)
     else:
-        matrix = moment.likeness.matrix(ids[kept], request.by)
+        matrix = moment.run.likeness.matrix(ids[kept], request.by)
         ranks = np.empty(len(matrix), np.float32)
         ranks[farthest_first(matrix, len(matrix))] = np.arange(1, len(matrix) + 1)
         values[kept] = ranks
@@ -330,6 +315,6 @@ def _note_maps(moment: Moment, ids: list[int]) -> list[int]:
         for birth in moment.run.individuals(ids[start : start + _BATCH], rebred=False):
             city = None if birth.genome is None else moment.run.columns.expressed(birth).city
             if city is not None:
-                moment.likeness.note(birth.id, city)
+                moment.run.likeness.note(birth.id, city)
                 mapped.append(birth.id)
     return mapped

@@ -14,12 +14,13 @@ from evocity.evaluation.compilation import compile_once, kernel_parts
 from evocity.evaluation.evaluator import Setup
 from evocity.fitness.part import own_name
 from evocity.fitness.source_transfer import shipped
+from evocity.genome import VOID
 from evocity.pavement.levels import USUAL
 from evocity.recipe.values import PARENTS
 from evocity.search.preparation.startup import Crew, block_sides, start_engine
 from evocity.search.preparation.trust import Permission, is_trusted
 from evocity.search.resume.prepared_run import read_preparation
-from evocity.store import RunLog
+from evocity.store import Header, RunLog
 
 #: Workers; seconds and bytes that a child may take in a run that began elsewhere.
 MOST_WORKERS, DEADLINE, MEMORY = 2, 60.0, 4 << 30
@@ -34,6 +35,7 @@ def workers_of(run: RunLog) -> tuple[Workers, dict[str, str]]:
         try:
             with contextlib.redirect_stdout(sys.stderr):  # measures of a user may print
                 prepared, _ = read_preparation(run, permission=Permission(accept_changes=True))
+                prepared = replace(prepared, header=_with_void(prepared.header))
                 recipe = prepared.recipe
                 sent = shipped([*recipe.measures, *recipe.recorded])
             compile_once(block_sides(recipe, prepared), kernel_parts(recipe), _silent)
@@ -53,7 +55,7 @@ def _workers_of_other_run(run: RunLog, count: int, reason: str) -> tuple[Workers
     reference = fitness.Reference.sources(sources)
     fabric = header.chromosome.fabric(run.sources()[0].genome)
     setup = Setup(
-        replace(header, measures=(), recorded=tuple(taken)),
+        replace(_with_void(header), measures=(), recorded=tuple(taken)),
         tuple((name, None) for name in taken),
         run.condensation,
         sides=USUAL if fabric is None else fabric.pavement.ends,
@@ -63,6 +65,14 @@ def _workers_of_other_run(run: RunLog, count: int, reason: str) -> tuple[Workers
     )
     compile_once(setup.sides, setup.parts, _silent)
     return Workers(setup, count, DEADLINE, None, MEMORY, main=False), left
+
+
+def _with_void(header: Header) -> Header:
+    """Return the ``header`` of a run with the void among its cities: operators that the recipe of
+    the run lacks may leave open ground."""
+    if VOID in header.cities or "fabric" not in header.chromosome.factors:
+        return header
+    return replace(header, cities=(*header.cities, VOID))
 
 
 def _lack(name: str, entry: Mapping) -> str | None:

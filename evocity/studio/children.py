@@ -9,7 +9,7 @@ import inspect
 import itertools
 import json
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -28,7 +28,7 @@ from evocity.fitness import Part
 from evocity.genome import Genome
 from evocity.operators import Operator
 from evocity.studio.child_evaluation import workers_of
-from evocity.studio.drawing_board import Drawing, lock_layer, measured_part
+from evocity.studio.drawing_board import Drawing, hatched, lock_layer, measured_part
 from evocity.studio.request_fields import Body, Id
 from evocity.studio.run_watcher import Moment
 from evocity.viewer.sheet import Sheet
@@ -36,6 +36,8 @@ from evocity.viewer.sheet import Sheet
 #: Children of a brood, parents, operators that take turns; at most.
 MOST_CHILDREN, MOST_PARENTS, MOST_OPERATORS = 24, 16, 12
 _FILLS = (0.1, 0.9)
+# Pictures of smaller maps are enlarged to about so many px.
+_CLEAR = 320
 # Seconds to wait for cancelled children.
 _PATIENCE = 0.5
 
@@ -72,6 +74,8 @@ class Child:
     parameters: Mapping[str, JsonValue] = field(default_factory=dict)
     stage: str = "waiting"
     error: str | None = None
+    #: Why the child equals its first parent, if it does.
+    unchanged: str | None = None
     values: Mapping[str, float] = field(default_factory=dict)
     genome: Genome | None = None
     city: CityMap | None = None
@@ -84,6 +88,7 @@ class Child:
             "parents": list(self.parents),
             "stage": self.stage,
             "error": self.error,
+            "unchanged": self.unchanged,
             "values": _finite(self.values),
         }
 
@@ -130,18 +135,33 @@ def _takes_share(name: str) -> bool:
     return kind is not None and "fill" in inspect.signature(kind).parameters
 
 
+def _are_equal(child: CityMap, parent: CityMap | None) -> bool:
+    return parent is not None and np.array_equal(child.heights, parent.heights, equal_nan=True)
+
+
 def _generator(seed: int, number: int, use: int) -> np.random.Generator:
     sequence = np.random.SeedSequence(seed, spawn_key=(number, use))
     return np.random.Generator(np.random.PCG64(sequence))
 
 
-def list_operators() -> list[dict]:
-    """Return the operators as plain values, with the default of each parameter as JSON."""
+def reasons_against(moment: Moment, parents: Iterable[Genome]) -> dict[str, str]:
+    """Return for each operator the reason why it does not suit ``parents`` of a run, or ""."""
+    chromosome = moment.run.header.chromosome
+    fabrics = [chromosome.fabric(one) or one for one in parents]
+    return {
+        name: operators.reason_against(kind, chromosome.factors, fabrics)
+        for name, kind in operators.operators().items()
+    }
+
+
+def list_operators(reasons: Mapping[str, str]) -> list[dict]:
+    """Return the operators as plain values, with the default of each parameter as JSON, and with
+    the ``reasons`` of `reasons_against`."""
     return [
         {
             "name": name,
-            "fewest": kind.parents[0],
-            "most": kind.parents[1],
+            "of": operators.bred_by(kind),
+            "reason": reasons[name],
             "told": (inspect.getdoc(kind) or "").partition("\n\n")[0].replace("\n", " "),
             "parameters": [
                 {"name": parameter.name, "default": _as_json(parameter.default)}
@@ -177,6 +197,7 @@ class Breeding:
         self.children: list[Child] = []
         #: The lock of the run and of a drawing together.
         self.locked: Condensation | None = None
+        self._hatched: Condensation | None = None
         #: The part of the map where a drawing measures; values of the parents there, by id.
         self.part: Part | None = None
         self.marked: dict[int, Mapping[str, float]] = {}
@@ -205,9 +226,10 @@ class Breeding:
         with self._lock:
             if not self.busy:
                 self._start(moment, [], {})
-        self._genomes(moment, parents)
+        self.genomes(moment, parents)
 
-    def _genomes(self, moment: Moment, parents: Sequence[int]) -> dict[int, Genome]:
+    def genomes(self, moment: Moment, parents: Sequence[int]) -> dict[int, Genome]:
+        """Return the genomes of ``parents``, which stay in memory, by id."""
         known = self._parents if self._parents_run == moment.fingerprint else {}
         genomes = {n: known.get(n) or moment.run.genome(n) for n in parents}
         self._parents, self._parents_run = genomes, moment.fingerprint
@@ -217,7 +239,15 @@ class Breeding:
         """Breed a ``brood`` of births of the ``moment``. Raises `RunError` while another is
         bred."""
         children = plan_children(brood)
-        parents = births = self._genomes(moment, brood.parents)
+        parents = births = self.genomes(moment, brood.parents)
+        reasons = reasons_against(moment, births.values())
+        for name in dict.fromkeys(child.operator.name for child in children):
+            if reasons[name]:
+                raise OperatorError(
+                    f"the operator {name} does not suit these parents: {reasons[name]}",
+                    "an operator that suits the parents",
+                    "choose another operator, or other parents",
+                )
         locked = part = None
         if brood.drawing is not None:
             drawn_over = [births[n] for n in brood.parents]
@@ -237,6 +267,7 @@ class Breeding:
                 )
             self.number, self.brood, self.children = self.number + 1, brood, children
             self.locked, self.part, self.marked = locked, part, {}
+            self._hatched = locked or moment.run.condensation
             self._start(moment, jobs, births)
 
     def stop(self) -> None:
@@ -272,10 +303,20 @@ class Breeding:
         return Sheet.of(pictures, {})
 
     def picture(self, brood: int, number: int) -> Image.Image:
-        """Return a picture of one child. Raises `RunError` where it has none."""
+        """Return a picture of one child, with its lock hatched. Raises `RunError` where it has
+        none."""
         from evocity.pictures import render
+        from evocity.pictures.colours import scale_end
+        from evocity.pictures.legend import draw_with_scale
 
-        return render(self.child(brood, number).city)
+        city, layer = self.child(brood, number).city, self._hatched
+        end = scale_end(city)
+        zoom = max(1, _CLEAR // max(city.shape))
+        fabric = render(city, highest=end, legend=False, zoom=zoom)
+        if layer is not None:
+            hatch = hatched(layer.mask.repeat(zoom, 0).repeat(zoom, 1))
+            fabric.paste(hatch, mask=hatch)
+        return draw_with_scale(city, fabric, city.name, end, zoom)
 
     def child(self, brood: int, number: int) -> Child:
         """Return a child that was bred. Raises `RunError` for another number."""
@@ -311,7 +352,7 @@ class Breeding:
             workers, part = self._ready_workers(moment), self.part
             pairs = list(zip(self.children, jobs, strict=False))  # without jobs nothing is bred
             for child, outcome in self._outcomes(workers, "breed", pairs):
-                self._note_genome(child, outcome)
+                self._note_genome(child, outcome, jobs[child.number])
             method = "evaluate" if part is None else "evaluate_within"
             bred = [
                 (child, (child.genome, job[1] if part is None else part))
@@ -351,7 +392,7 @@ class Breeding:
             for place, outcome in outcomes:
                 yield jobs[place][0], outcome
 
-    def _note_genome(self, child: Child, outcome: Outcome) -> None:
+    def _note_genome(self, child: Child, outcome: Outcome, job: tuple) -> None:
         child.genome, child.error = outcome.genome, outcome.error
         if child.genome is not None:
             if self.locked is not None:  # workers return the lock of the run, which is smaller
@@ -359,3 +400,7 @@ class Breeding:
             expressed = self._express(child.genome)
             child.city, child.error = expressed.city, expressed.problem
         child.stage = "failed" if child.city is None else "bred"
+        operator, (first, *_), _ = job
+        if child.city is not None and _are_equal(child.city, self._express(first).city):
+            find = getattr(operator, "reason_unchanged", lambda parents: "")
+            child.unchanged = find(job[1]) or "the operator found nothing to change"

@@ -9,79 +9,26 @@ import contextlib
 import os
 import shutil
 import threading
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
-
-from pydantic import AfterValidator, Field
+from typing import Any
 
 from evocity import fitness
-from evocity.errors import EvocityError, FitnessError, RecipeError, RunError
+from evocity.errors import EvocityError, FitnessError, MapError, RecipeError, RunError
+from evocity.fitness.measure import Measure
 from evocity.recipe.reader import read_recipe
-from evocity.recipe.values import Title
-from evocity.search.calibration.calibration import OF_PARENTS, USUAL_GOALS
 from evocity.search.calibration.recipe_text import describe_duration
-from evocity.search.record.complete_run import CompleteRun
-from evocity.studio.desk_maps import MEMORY, MapChoice, Maps, Number, Window, without_map
-from evocity.studio.output_files import free_path, make_folder, write_error, write_recipe
-from evocity.studio.request_fields import Body, RequestError, fault_of, typed_field, whole_field
-from evocity.studio.subprocesses import DeskJob, RunProcesses, log_of
+from evocity.studio.desk_areas import USES, is_raster
+from evocity.studio.desk_children import KeptChildren
+from evocity.studio.desk_draft import MOST_NAME, Draft, OfferedMeasure
+from evocity.studio.desk_maps import MEMORY, Maps, Number, without_map
+from evocity.studio.output_files import make_folder, write_error, write_recipe
+from evocity.studio.request_fields import Body, RequestError, fault_of
+from evocity.studio.started_runs import StartedRuns, recipe_folder
+from evocity.studio.subprocesses import DeskJob, RunProcesses
 
 #: Parents, and lines of progress that are kept; at most.
 MOST_PARENTS, _MOST_LINES = 8, 200
-
-
-#: Goals, at most; bytes of a name, so that a folder can have it.
-MOST_GOALS, MOST_NAME = 12, 200
-_YEAR = 60 * 24 * 365  # minutes
-_NAME = (
-    f'a name of at most 100 letters and {MOST_NAME} bytes, without any of / \\ : * ? " < > | '
-    "and without a dot at its start"
-)
-
-
-def _check_name(name: str) -> str:
-    if len(name.encode()) > MOST_NAME or not name.isprintable():
-        raise ValueError(f"a printable name of at most {MOST_NAME} bytes")
-    return name
-
-
-class GoalChoice(Body):
-    """A measure to search by: highest or lowest value, ``target``, value of the first parent, or
-    mean of the parents' maps."""
-
-    measure: Annotated[str, Field(max_length=200)]
-    want: Literal["max", "min", "target", "first", "parents"]
-    target: Annotated[float | None, typed_field("target", "a number")] = None
-
-
-class Draft(Body):
-    """All choices at the desk. An empty ``name`` stands for a name made of the parents' names."""
-
-    name: Annotated[
-        Annotated[Title, AfterValidator(_check_name)] | Literal[""],
-        typed_field("name of the run", _NAME),
-    ] = ""
-    seed: Annotated[int, whole_field("seed", 0, 2**53 - 1)] = 7
-    population: Annotated[int, whole_field("individuals alive", 2, 1_000_000)] = 48
-    generations: Annotated[int, whole_field("generations", 1, 1_000_000)] = 100
-    minutes: Annotated[
-        float | None, typed_field("minutes", f"a number from 1 to {_YEAR}", ge=1, le=_YEAR)
-    ] = None
-    window: Window = Window()
-    maps: Annotated[tuple[MapChoice, ...], Field(max_length=64)] = ()
-    goals: Annotated[tuple[GoalChoice, ...], Field(max_length=MOST_GOALS)] = tuple(
-        GoalChoice(
-            measure=name,
-            want="parents" if name in OF_PARENTS else fitness.get(name).goal or "first",
-        )
-        for name in USUAL_GOALS
-    )
-
-    @property
-    def parents(self) -> list[MapChoice]:
-        return [choice for choice in self.maps if choice.chosen]
 
 
 class MapNumber(Body):
@@ -96,61 +43,22 @@ class BeginRequest(Body):
     given: bool = False
 
 
-@dataclass(frozen=True)
-class OfferedMeasure:
-    """A measure of evocity, or of a ``file`` of the command line, which may have ``several``."""
-
-    measure: fitness.Measure
-    file: str | None = None
-    several: bool = False
-
-    @property
-    def state(self) -> dict:
-        measure = self.measure
-        return {
-            "name": measure.name,
-            "goal": measure.goal,
-            "unit": measure.unit,
-            "range": [end if abs(end) < float("inf") else None for end in measure.range],
-            "told": measure.summary,
-            "own": self.file is not None,
-            "usual": measure.name in USUAL_GOALS,
-        }
-
-
-@dataclass
-class StartedRun:
-    """A run that began at the desk; ``has``: whether it has a generation."""
-
-    name: str
-    folder: Path
-    recipe: Path
-    run: int | None = None
-    has: bool = False
-
-    def look(self, number: Callable[[Path], int]) -> None:
-        """Note the folder, which then gets a ``number``, and the first generation."""
-        if self.run is None and os.path.lexists(self.folder / "provenance.json"):
-            self.run = number(self.folder)
-        if not self.has and self.run is not None:
-            with contextlib.suppress(RunError):
-                self.has = bool(CompleteRun(self.folder).generations)
-
-
 class Desk:
     """The desk; its runs go into the folder ``home``. ``files``: measures by file; ``recipe``: a
-    recipe to begin as it is; ``number`` gives a number to the run at a path."""
+    recipe to begin as it is; ``number`` gives a number to the run at a path; ``runs`` lists the
+    runs whose kept children the desk offers."""
 
     def __init__(
         self,
         home: Path,
         processes: RunProcesses,
         number: Callable[[Path], int],
-        files: Sequence[tuple[str, Sequence[fitness.Measure]]] = (),
+        files: Sequence[tuple[str, Sequence[Measure]]] = (),
         recipe: Path | None = None,
+        runs: Callable[[], Sequence[Path]] = tuple,
     ):
         self.home, self.given = home.absolute(), recipe
-        self._processes, self._number = processes, number
+        self._kept = KeptChildren(runs)
         self._lock = threading.RLock()  # taken before the lock of the maps, never after it
         self.maps = Maps()
         ours = (one for one in fitness.measures() if one.origin == "evocity")
@@ -166,7 +74,7 @@ class Desk:
         self._lines: list[str] = []
         self._fault: EvocityError | None = None
         self._result: dict | None = None
-        self._started: list[StartedRun] = []
+        self._started = StartedRuns(processes, number)
 
     # -- state -------------------------------------------------------------------------------------
 
@@ -174,17 +82,20 @@ class Desk:
         """Return plain values for the page."""
         with self._lock:
             result = self._result
+            self.maps.add_children(self._kept.children)
             return {
                 "draft": self.draft.model_dump(mode="json"),
                 "usual": self._usual_name(self.draft),
                 "home": str(self.home),
                 "maps": self.maps.states(),
+                "scale": self.maps.scale,
+                "areas": self.maps.area_names(),
                 "busy": self.busy,
                 "said": self._lines,
                 "fault": None if self._fault is None else fault_of(self._fault),
                 "found": result and result | {"estimate": self._estimate(result)},
                 "given": self._given_recipe(),
-                "started": [self._state_of(run) for run in self._started],
+                "started": self._started.states(),
             }
 
     def measures(self) -> list[dict]:
@@ -215,11 +126,6 @@ class Desk:
             "fits": result["size"] <= free,
         }
 
-    def _state_of(self, started: StartedRun) -> dict:
-        started.look(self._number)
-        paths = {"folder": str(started.folder), "recipe": str(started.recipe)}
-        return vars(started) | paths | (self._processes.state(started.folder) or {})
-
     # -- the draft ---------------------------------------------------------------------------------
 
     def change(self, draft: Draft) -> None:
@@ -233,6 +139,8 @@ class Desk:
                     "maps that are all different",
                     "load the page again, and choose the maps again",
                 )
+            for area in filter(None, (draft.lock, draft.within)):
+                self.maps.check_area(area)
             names = [goal.measure for goal in draft.goals]
             for name in names:
                 if name not in self._offered or names.count(name) > 1:
@@ -241,10 +149,13 @@ class Desk:
                         "each measure of the list at most once",
                         "choose another measure",
                     )
+            for goal in draft.goals:
+                self._offered[goal.measure].check(goal)
             self._check_idle()
             if draft != self.draft:
                 self.draft, self._result, self._fault, self._lines = draft, None, None, []
-            self.maps.place(draft.window, {choice.map: choice for choice in draft.maps})
+            choices = {choice.map: choice for choice in draft.maps}
+            self.maps.place(draft.window, choices, {"lock": draft.lock, "within": draft.within})
 
     def _check_idle(self) -> None:
         if self.busy:
@@ -256,8 +167,12 @@ class Desk:
 
     def drop(self, request: MapNumber) -> None:
         with self._lock:
-            kept = without_map(self.draft.maps, request.map)
-            self.change(self.draft.model_copy(update={"maps": kept}))
+            changed: dict[str, Any] = {"maps": without_map(self.draft.maps, request.map)}
+            for use in USES:
+                area = getattr(self.draft, use)
+                if area is not None and area.map == request.map:
+                    changed[use] = None
+            self.change(self.draft.model_copy(update=changed))
             self.maps.drop(request.map)
 
     def _usual_name(self, draft: Draft) -> str:
@@ -286,9 +201,21 @@ class Desk:
                     "one or more measures",
                     "add a measure to the goals",
                 )
+            if all(goal.is_constraint for goal in draft.goals):
+                raise FitnessError(
+                    "all chosen measures are bounds, so the search has no goal",
+                    "one or more measures with a goal besides the bounds",
+                    "add a measure with a high value, a low value or a target as its goal",
+                )
             # the usual goals may lack a measure that a parent does not have; chosen goals may not
             is_usual = set(draft.goals) == set(Draft().goals)
-            goals = [] if is_usual else [self._goal(goal) for goal in draft.goals]
+            areas = self._areas(draft)
+            site = f"site{areas['within'].suffix}" if "within" in areas else None
+            goals = (
+                []
+                if is_usual
+                else [self._offered[goal.measure].goal(goal, site) for goal in draft.goals]
+            )
             folder, parents = self._copied_maps(draft)
             words = {
                 "name": draft.name or self._usual_name(draft),
@@ -299,6 +226,7 @@ class Desk:
                 "seed": draft.seed,
                 "minutes": draft.minutes,
                 "by": "evocity studio",
+                "locked": self._locked(draft, areas),
             }
             path = str(folder / "recipe.toml")
             job = {"job": "calibrate", "words": words, "goals": goals, "path": path}
@@ -309,30 +237,37 @@ class Desk:
             )
             self._thread.start()
 
-    def _goal(self, choice: GoalChoice) -> dict:
-        offered = self._offered[choice.measure]
-        if choice.want == "target" and choice.target is None:
-            raise FitnessError(
-                f"the goal of the measure {choice.measure} is a target without a number",
-                "a number as target",
-                "type the target, or choose another goal",
-            )
-        if choice.want == "first" and offered.measure.goal is not None:
-            raise FitnessError(
-                f"the measure {choice.measure} cannot have the goal “the value of the first "
-                "parent”",
-                "the goal of a high value, a low value, or a target",
-                "choose one of these goals",
-            )
-        goal = choice.want if choice.want in ("max", "min") else None
-        return {
-            "measure": choice.measure,
-            "file": offered.file,
-            "several": offered.several,
-            "goal": None if goal == offered.measure.goal else goal,
-            "target": choice.target if choice.want == "target" else None,
-            "of_parents": choice.want == "parents",
-        }
+    def _areas(self, draft: Draft) -> dict[str, Path]:
+        """Return the files of the areas of a ``draft``, by their use. Raises `EvocityError` for an
+        area that cannot be used."""
+        areas = {use: getattr(draft, use) for use in USES}
+        chosen = {choice.map for choice in draft.parents}
+        for area in filter(None, areas.values()):
+            if area.map not in chosen:
+                raise MapError(
+                    f"an area lies on the map {self.maps[area.map].title}, which is not a parent",
+                    "areas on maps that are parents",
+                    "choose this map as a parent, or remove the area",
+                )
+        return {use: self.maps.marked(use, area) for use, area in areas.items() if area}
+
+    def _child_lock(self, draft: Draft) -> tuple[Path, Path] | None:
+        """Return the files of the lock of the first child that has one, unless a lock is drawn."""
+        if draft.lock is not None:
+            return None
+        return next(filter(None, (self.maps.locks(one.map) for one in draft.parents)), None)
+
+    def _locked(self, draft: Draft, areas: Mapping[str, Path]) -> dict[str, str] | None:
+        """Return the keys of ``[locked]``."""
+        if "lock" not in areas:
+            if self._child_lock(draft) is None:
+                return None
+            return {"mask": "locked.npy", "heights": "locked-heights.npy"}
+        key = "mask" if is_raster(areas["lock"]) else "footprints"
+        keys = {key: f"locked{areas['lock'].suffix}"}
+        if draft.lock is not None and draft.lock.map != draft.parents[0].map:
+            keys["city"] = self.maps[draft.lock.map].title
+        return keys
 
     def _copied_maps(self, draft: Draft) -> tuple[Path, list[dict]]:
         """Copy the parents' maps into a new folder; return it, and parents for a recipe there."""
@@ -340,15 +275,19 @@ class Desk:
         self._draft_turn += 1
         try:
             folder.mkdir()
-            return folder, [self._parent(choice, folder) for choice in draft.parents]
+            return folder, self._copy_all(draft, folder)
         except (EvocityError, OSError) as error:
             shutil.rmtree(folder, ignore_errors=True)
             raise write_error(folder, error) from error
 
-    def _parent(self, choice: MapChoice, folder: Path) -> dict:
-        entry = self.maps[choice.map]
-        named = {"name": entry.title} if entry.is_own else {}
-        return self.maps.copy_chosen(choice, folder) | named | choice.options
+    def _copy_all(self, draft: Draft, folder: Path) -> list[dict]:
+        """Copy maps and areas for a recipe into a ``folder``; return its parents."""
+        for use, path in self._areas(draft).items():
+            shutil.copyfile(path, folder / f"{USES[use]}{path.suffix}")
+        if lock := self._child_lock(draft):
+            for path, name in zip(lock, ("locked.npy", "locked-heights.npy"), strict=True):
+                shutil.copyfile(path, folder / name)
+        return [self.maps.copy_chosen(choice, folder) for choice in draft.parents]
 
     def _calibrate(self, process: DeskJob, job: dict) -> None:
         def receive(result: dict) -> None:
@@ -385,7 +324,7 @@ class Desk:
             made = None  # a folder for this run only
             if request.given and self.given is not None:
                 run = read_recipe(self.given).run.name  # its measures were executed already
-                path, recipe = self._free_path(run, False), self.given
+                path, recipe = self._started.free_path(self.home, run), self.given
             elif self._result is not None and not request.given:
                 path, recipe = self._write_recipe(self._result["text"])
                 made = recipe.parent
@@ -395,53 +334,29 @@ class Desk:
                     "a finished recipe",
                     "press “make the recipe” first",
                 )
-            started = StartedRun(path.name, path, recipe.resolve())
-            words = ["run", str(started.recipe), "--out", str(path)]
             try:
-                self._processes.begin(path, words, log_of(path))
+                self._started.begin(path, recipe.resolve())
             except EvocityError:
                 if made is not None:
                     shutil.rmtree(made, ignore_errors=True)
                 raise
-            self._started.append(started)
 
     def _write_recipe(self, text: str) -> tuple[Path, Path]:
         """Write the recipe with its maps beside the run; return the paths of run and recipe."""
-        path = self._free_path(self.draft.name or self._usual_name(self.draft), True)
-        folder = path.with_name(f"{path.name}-recipe")
+        path = self._started.free_path(self.home, self.draft.name or self._usual_name(self.draft))
+        folder = make_folder(recipe_folder(path))
         try:
-            for choice in self.draft.parents:
-                self.maps.copy_chosen(choice, folder)
+            self._copy_all(self.draft, folder)
             write_recipe(folder / "recipe.toml", text)
         except (EvocityError, OSError) as error:
             shutil.rmtree(folder, ignore_errors=True)
             raise write_error(folder, error) from error
         return path, folder / "recipe.toml"
 
-    def _free_path(self, name: str, with_recipe: bool) -> Path:
-        """Return a free path for a run; make the folder of its recipe ``with_recipe``."""
-        taken = {run.folder for run in self._started if self._processes.is_busy(run.folder)}
-
-        def is_free(path: Path) -> bool:
-            folder = path.with_name(f"{path.name}-recipe")
-            return path not in taken and not os.path.lexists(path) and not os.path.lexists(folder)
-
-        path = free_path(self.home, name, is_free)
-        if with_recipe:
-            make_folder(path.with_name(f"{path.name}-recipe"))
-        return path
-
     def end(self, request: MapNumber) -> None:
         """End a run of this desk, by its place in the list, before it has a folder."""
         with self._lock:
-            place = request.map
-            if not 0 <= place < len(self._started):
-                raise RequestError(
-                    f"the list of started runs has no run {place}",
-                    "a run that this page started",
-                    "load the page again",
-                )
-            self._processes.end(self._started[place].folder)
+            self._started.end(request.map)
 
     def close(self) -> None:
         self.stop()

@@ -8,10 +8,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from evocity.citymap import CityMap
 from evocity.errors import EvocityError, describe_error
-from evocity.search.calibration.calibration import calibrate_recipe
-from evocity.search.calibration.recipe_text import RecipeSettings
-from evocity.search.steering.estimate import largest_run
+from evocity.studio.birth_growth import grow_birth
 
 #: The longer side of a picture, px, at most.
 LARGEST = 640
@@ -48,38 +49,99 @@ def _end_with_studio() -> None:
 
 
 def _read_maps(job: Mapping, send: Callable) -> None:
-    """Read the ``maps`` with options of `read_map`. Send the facts of each map, or the error."""
-    from PIL import Image
-
-    from evocity.io import read_map
-    from evocity.pictures import render
-
+    """Read the ``maps``. Send the facts and the overview of each map, or the error."""
     for entry in job["maps"]:
+        read = _read_child if entry.get("child") else _read_map
+        result: dict[str, Any] = {}
         try:
-            city = read_map(entry["map"], **entry["options"])
+            read(entry, result)
         except EvocityError as error:
-            send(map=entry["number"], error=[error.found, error.expected, error.remedy])
-            continue
-        picture = render(city, legend=False)
-        picture.thumbnail((LARGEST, LARGEST), Image.Resampling.BOX)
-        picture.save(entry["picture"], "PNG")
-        rows, columns = city.shape
-        about = {
-            "metres": [columns * city.metres_per_pixel, rows * city.metres_per_pixel],
-            "built": float(city.built.mean()),
-            "rules": dict(city.height_rules),
-            "highest": float(city.heights.max(initial=0)),
-            "attribution": city.attribution,
-            "taken": city.taken,
-        }
-        send(map=entry["number"], about=about)
+            result["error"] = [error.found, error.expected, error.remedy]
+        send(map=entry["number"], **result)
+
+
+def _read_map(entry: Mapping, result: dict) -> None:
+    """Read a map with options of `read_map`, its window ``at`` a place of its overview, and mark
+    its ``areas``."""
+    from evocity.io import read_map
+    from evocity.studio.desk_areas import mark_area
+    from evocity.studio.desk_overview import Overview, lon_lat
+
+    options = dict(entry["options"])
+    at, areas = options.pop("at", None), options.pop("areas", {})
+    overview = Overview(entry["map"], options, entry.get("over"))
+    side = options.get("pixels", 256) * options.get("metres_per_pixel", 2.0)
+    shown, city = at or overview.middle, None
+    try:
+        center = overview.facts.get("start") if at is None else lon_lat(overview.frame, at)
+        city = read_map(entry["map"], **options | ({"center": center} if center else {}))
+        shown = overview.window_of(city)
+    except EvocityError as error:
+        if any(words in error.found for words in ("no building in", "beyond the raster")):
+            overview.check_window(at, side)
+        raise
+    finally:  # the page shows the file also where the window cannot be read
+        if entry.get("overview"):
+            overview.write(Path(entry["overview"]), shown, side)
+            result["over"] = overview.facts
+    result["about"] = _describe(city, entry["picture"]) | {
+        "at": shown,
+        "areas": {use: mark_area(city, shown, use, area) for use, area in areas.items()},
+    }
+
+
+def _read_child(entry: Mapping, result: dict) -> None:
+    """Read a kept child, and write what it locks."""
+    from evocity.coding import decode
+    from evocity.genome import read_genome
+
+    genome, options = read_genome(entry["map"]), entry["options"]
+    city = decode(genome).city
+    pixels, metres = city.shape[0], city.metres_per_pixel
+    about = _describe(city, entry["picture"]) | {"pixels": pixels, "metres_per_pixel": metres}
+    layer = genome.condensation
+    if layer is not None:
+        files = [f"{entry['picture']}.{name}.npy" for name in ("lock", "heights")]
+        np.save(files[0], layer.mask.astype(np.uint8))
+        np.save(files[1], layer.heights)
+        about |= {"lock_files": files, "locked": float(layer.mask.mean())}
+    result["about"] = about
+    window = options.get("pixels", pixels), options.get("metres_per_pixel", metres)
+    if window != (pixels, metres):
+        raise EvocityError(
+            f"the child has {pixels} px of {metres:g} m, and the window {window[0]} px of "
+            f"{window[1]:g} m",
+            "the window of the child",
+            f"set the width to {pixels} px and {metres:g} metres per pixel, or leave the child out",
+        )
+
+
+def _describe(city: CityMap, picture: str) -> dict:
+    """Write the heights of a small picture; return the facts of a map."""
+    from evocity.pictures.colours import scale_end
+
+    rows, columns = city.shape
+    step = -(-max(rows, columns) // LARGEST)
+    np.save(picture, np.ascontiguousarray(city.heights[::step, ::step]))
+    return {
+        "metres": [columns * city.metres_per_pixel, rows * city.metres_per_pixel],
+        "pixel": step * city.metres_per_pixel,
+        "built": float(city.built.mean()),
+        "rules": dict(city.height_rules),
+        "highest": float(city.heights.max(initial=0)),
+        "scale": float(scale_end(city)),
+        "attribution": city.attribution,
+        "taken": city.taken,
+    }
 
 
 def _calibrate(job: Mapping, send: Callable) -> None:
     """Calibrate a recipe for the ``words`` and ``goals``, as it would lie at ``path``."""
     from evocity.fitness import get
     from evocity.fitness.registry import load_file
-    from evocity.search.calibration.recipe_text import Goal
+    from evocity.search.calibration.calibration import calibrate_recipe
+    from evocity.search.calibration.recipe_text import Goal, RecipeSettings
+    from evocity.search.steering.estimate import largest_run
 
     path = Path(job["path"])
     goals = []
@@ -94,6 +156,9 @@ def _calibrate(job: Mapping, send: Callable) -> None:
                 goal["target"],
                 goal["goal"],
                 of_parents=goal["of_parents"],
+                bounds=goal["bounds"],
+                is_constraint=goal["is_constraint"],
+                within=goal["within"],
             )
         )
     result = calibrate_recipe(
@@ -129,4 +194,10 @@ def _plain(value: float) -> float | None:
     return float(value) if value == value else None  # JSON has no NaN
 
 
-_JOBS = {"read": _read_maps, "calibrate": _calibrate}
+def _export(job: Mapping, send: Callable) -> None:
+    from evocity.studio.exports import write_exports
+
+    write_exports(job, send)
+
+
+_JOBS = {"read": _read_maps, "calibrate": _calibrate, "export": _export, "grow": grow_birth}

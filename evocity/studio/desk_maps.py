@@ -2,17 +2,19 @@
 the suffix of a known format; its name is text and never a path."""
 
 import contextlib
+import io
+import os
 import shutil
 import threading
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from pydantic import Field
+import numpy as np
 
-from evocity.citymap import MAX_SIDE, PIXEL_SIDES
+from evocity.citymap import CityMap
 from evocity.errors import (
     EvocityError,
     MapError,
@@ -26,115 +28,31 @@ from evocity.files import ProcessFolder
 from evocity.io.bundled_cities import DISTRICTS
 from evocity.io.map_paths import FOLDERS
 from evocity.io.map_reader import READERS
-from evocity.studio.request_fields import Body, RequestError, fault_of, typed_field, whole_field
+from evocity.studio.desk_areas import USES, Area, Place
+from evocity.studio.desk_map_choice import MapChoice, MapEntry, Number, Window, without_map
+from evocity.studio.desk_overview import lon_lat
+from evocity.studio.request_fields import RequestError, fault_of
 from evocity.studio.subprocesses import DeskJob
 
 #: Bytes of all files on the desk, and their number; at most.
 MOST_BYTES, MOST_MAPS = 1_000_000_000, 16
 #: Bytes of memory, and seconds a map, for reading; at most.
 MEMORY, SECONDS = 4 << 30, 120.0
+__all__ = ["MapChoice", "MapEntry", "Maps", "Number", "Window", "without_map"]
+
 #: The suffixes of maps in a single file.
 SUFFIXES = tuple(
     sorted((one for one in READERS if one not in (".shp", *FOLDERS)), key=len, reverse=True)
 )
 _LETTERS = 80  # bytes of a title
 
-Number = Annotated[int, Field(ge=0, lt=2**31)]
-_METRES = "a number of metres from {:f} to {:.0f}".format(*PIXEL_SIDES)
 
+@dataclass(frozen=True)
+class AreaFile:
+    """A file of an area that a user brought, and its name as text."""
 
-def _metres(name: str) -> Any:
-    return typed_field(name, _METRES, ge=PIXEL_SIDES[0], le=PIXEL_SIDES[1])
-
-
-class Window(Body):
-    """The window at which all maps are read."""
-
-    pixels: Annotated[int, whole_field("width of the square map in pixels", 8, MAX_SIDE)] = 256
-    metres_per_pixel: Annotated[float, _metres("metres per pixel")] = 2.0
-
-
-class MapChoice(Body):
-    """One map, whether it is a parent, and options of `evocity.read_map`."""
-
-    map: Number
-    chosen: bool = False
-    center: Annotated[
-        tuple[Annotated[float, Field(ge=-180, le=180)], Annotated[float, Field(gt=-90, lt=90)]]
-        | None,
-        typed_field("centre", "longitude from -180 to 180, latitude between -90 and 90"),
-    ] = None
-    layer: Annotated[
-        str | None,
-        typed_field(
-            "layer that contains the buildings", "1 to 100 letters", min_length=1, max_length=100
-        ),
-    ] = None
-    height_column: Annotated[
-        str | None,
-        typed_field("column of heights", "1 to 100 letters", min_length=1, max_length=100),
-    ] = None
-    levels_column: Annotated[
-        str | None,
-        typed_field("column of storeys", "1 to 100 letters", min_length=1, max_length=100),
-    ] = None
-    default_height: Annotated[float | None, _metres("default height")] = None
-    height_scale: Annotated[float | None, _metres("metres of a grey level or unit")] = None
-    nodata: Annotated[float | None, typed_field("value of missing pixels", "a number")] = None
-    terrain: Annotated[
-        float | None,
-        typed_field("elevation of the ground", "a number of metres", ge=-1000, le=10_000),
-    ] = None
-    terrain_map: Number | None = None
-
-    @property
-    def options(self) -> dict[str, Any]:
-        hidden = {"map", "chosen", "terrain_map"}
-        return self.model_dump(exclude=hidden, exclude_none=True, mode="json")
-
-
-def without_map(choices: Iterable[MapChoice], number: int) -> tuple[MapChoice, ...]:
-    """Return ``choices`` without the map ``number``, which is the ground of no other map either."""
-    return tuple(
-        choice.model_copy(update={"terrain_map": None}) if choice.terrain_map == number else choice
-        for choice in choices
-        if choice.map != number
-    )
-
-
-@dataclass
-class MapEntry:
-    """One map: the facts ``about`` it or the ``fault``; ``turn``, how often it was read; the
-    options ``requested`` and those of the last reading (``read``)."""
-
-    number: int
-    title: str
-    source: str
-    suffix: str = ""
-    size: int = 0
-    about: dict | None = None
-    fault: dict | None = None
-    turn: int = 0
-    requested: dict = field(default_factory=dict)
-    read: dict | None = None
-
-    @property
-    def is_own(self) -> bool:
-        return bool(self.suffix)
-
-    @property
-    def state(self) -> dict:
-        return {
-            "map": self.number,
-            "title": self.title,
-            "own": self.is_own,
-            "size": self.size,
-            "takes": sorted(READERS[self.suffix].takes) if self.is_own else [],
-            "about": self.about,
-            "fault": self.fault,
-            "turn": self.turn,
-            "reading": self.read != self.requested,
-        }
+    path: Path
+    name: str
 
 
 class Maps:
@@ -147,6 +65,7 @@ class Maps:
             number: MapEntry(number, name, name) for number, name in enumerate(sorted(DISTRICTS))
         }
         self._next = len(self._entries)
+        self._areas: dict[int, AreaFile] = {}
         self._window = Window()
         self._thread: threading.Thread | None = None
         self._job: DeskJob | None = None
@@ -205,15 +124,37 @@ class Maps:
             expected = f"a single file that ends in {', '.join(sorted(SUFFIXES))}"
             raise MapError(f"{spell(name)} is {what}", expected, remedy)
         with self._changed:
-            own = [entry for entry in self._entries.values() if entry.is_own]
-            if len(own) >= MOST_MAPS or sum(entry.size for entry in own) >= MOST_BYTES:
+            paths = [entry.source for entry in self._entries.values() if entry.is_own]
+            paths += [str(area.path) for area in self._areas.values()]
+            if len(paths) >= MOST_MAPS or sum(map(os.path.getsize, paths)) >= MOST_BYTES:
                 raise MapError(
-                    f"the page already has {len(own)} files",
+                    f"the page already has {len(paths)} files",
                     f"at most {MOST_MAPS} files, and {format_bytes(MOST_BYTES)} in total",
                     "remove a file, then add the new file",
                 )
             number, self._next = self._next, self._next + 1
         return self.folder / f"map-{number}{suffix}", suffix
+
+    def add_area(self, path: Path, name: str, suffix: str) -> int:
+        """Add the file of an area at ``path``, which was called ``name``; return its number."""
+        with self._changed:
+            number = int(path.name[: -len(suffix)].removeprefix("map-"))
+            self._areas[number] = AreaFile(path, cut_short(plain_text(name), _LETTERS))
+        return number
+
+    def add_children(self, children: Iterable[tuple[Path, str]]) -> None:
+        """Add kept children, each a genome with its title, unless they are here; drop the others
+        that are gone."""
+        with self._changed:
+            known = {entry.source: entry for entry in self._entries.values() if entry.child}
+            for path, title in children:
+                if known.pop(str(path), None) is None:
+                    name = cut_short(plain_text(title), _LETTERS)
+                    entry = MapEntry(self._next, name, str(path), child=True)
+                    self._entries[entry.number], self._next = entry, self._next + 1
+                    self._request(entry, {})
+            for entry in known.values():
+                entry.fault = entry.fault or fault_of(_gone(entry.title))
 
     def add(self, path: Path, name: str, suffix: str) -> int:
         """Add the file at ``path``, which was called ``name``; return its number."""
@@ -225,8 +166,8 @@ class Maps:
             titles = {entry.title for entry in self._entries.values()}
             others = (f"{stem} {k}" for k in range(2, number + 2))
             title = next(one for one in (stem, *others) if one not in titles)
-            self._entries[number] = MapEntry(number, title, str(path), suffix, path.stat().st_size)
-            self._request(self._entries[number], self._window, {})
+            self._entries[number] = MapEntry(number, title, str(path), suffix)
+            self._request(self._entries[number], self._window.model_dump())
         return number
 
     def drop(self, number: int) -> None:
@@ -240,16 +181,53 @@ class Maps:
             )
         with self._changed:
             self._entries.pop(number, None)
-        for path in (Path(entry.source), self._picture(number)):
+        for path in (Path(entry.source), self._picture(number), self._overview(number)):
             path.unlink(missing_ok=True)
 
-    def copy_chosen(self, choice: MapChoice, folder: Path) -> dict[str, str]:
-        """Copy a map and its raster of the ground for a recipe in the ``folder``; return their
-        names in the recipe."""
-        names = {"map": self.copy(choice.map, folder)}
+    def copy_chosen(self, choice: MapChoice, folder: Path) -> dict[str, Any]:
+        """Copy a map and its raster of the ground for a recipe in the ``folder``; return its keys
+        in the recipe. Raises `MapError` for a file that is gone."""
+        entry = self[choice.map]
+        if entry.child:
+            return {"genome": self.copy(choice.map, folder), "name": entry.title}
+        keys: dict[str, Any] = {"map": self.copy(choice.map, folder)}
         if choice.terrain_map is not None:
-            names["terrain"] = self.copy(choice.terrain_map, folder)
-        return names
+            keys["terrain"] = self.copy(choice.terrain_map, folder)
+        if entry.is_own:
+            keys["name"] = entry.title
+        center = self._center(entry, choice.at)
+        return keys | ({"center": list(center)} if center else {}) | choice.options
+
+    def _center(self, entry: MapEntry, at: Place | None) -> tuple[float, float] | None:
+        """Return longitude and latitude of the window's middle, if a recipe must name them."""
+        if entry.over is None:
+            return None
+        return entry.over.get("start") if at is None else lon_lat(entry.over["frame"], at)
+
+    def locks(self, number: int) -> tuple[Path, Path] | None:
+        """Return the mask and the heights that a child locks; None without a lock."""
+        about = self[number].about
+        if not about or not about.get("lock_files"):
+            return None
+        mask, heights = about["lock_files"]
+        return Path(mask), Path(heights)
+
+    def marked(self, use: str, area: Area) -> Path:
+        """Return the file that marks an ``area`` for a recipe. Raises `MapError` for one that
+        cannot be used, and while its map is being read."""
+        entry = self[area.map]
+        found = ((entry.about or {}).get("areas") or {}).get(use)
+        fault = entry.fault or (found or {}).get("fault")
+        is_read = entry.read == entry.requested
+        if is_read and fault is not None:
+            raise MapError(f"{entry.title}: {fault['found']}", fault["expected"], fault["remedy"])
+        if found is None or not is_read:
+            raise MapError(
+                f"studio is still reading the map {entry.title}",
+                "a map that studio has read, with its areas",
+                "wait a moment, and make the recipe again",
+            )
+        return Path(found["path"])
 
     def check(self, choice: MapChoice) -> None:
         """Raise `RequestError` unless the map of a ``choice`` is there, and its ground, if any, is
@@ -281,28 +259,66 @@ class Maps:
     def copy(self, number: int, folder: Path) -> str:
         """Copy a map for a recipe in the ``folder``; return its name in the recipe."""
         entry = self[number]
-        if entry.is_own:
-            path = Path(entry.source)
-            shutil.copyfile(path, folder / path.name)
-            return path.name
-        return entry.source
+        if not (entry.is_own or entry.child):
+            return entry.source
+        name = f"child-{number}.parquet" if entry.child else Path(entry.source).name
+        shutil.copyfile(entry.source, folder / name)
+        return name
+
+    def check_area(self, area: Area) -> None:
+        """Raise `RequestError` unless the map of an ``area`` is there, and its file if it has
+        one."""
+        entry = self[area.map]
+        if entry.child or (area.file is not None and area.file not in self._areas):
+            raise RequestError(
+                f"the map {entry.title} has no such area",
+                "an area drawn on a map of the page, or a file that you brought",
+                "load the page again, and draw the area again",
+            )
 
     # -- reading -----------------------------------------------------------------------------------
 
-    def place(self, window: Window, choices: dict[int, MapChoice]) -> None:
-        """Set how maps are read from now on; unchosen districts keep the usual window."""
+    def place(
+        self,
+        window: Window,
+        choices: dict[int, MapChoice],
+        areas: Mapping[str, Area | None] | None = None,
+    ) -> None:
+        """Set how maps are read from now on, and the ``areas`` on them, by their use; unchosen
+        districts keep the usual window."""
         with self._changed:
             self._window = window
             for number, entry in self._entries.items():
                 choice = choices.get(number, MapChoice(map=number))
-                is_set = entry.is_own or choice.chosen
-                ground = {}
+                if entry.child:
+                    self._request(entry, window.model_dump() if choice.chosen else {})
+                    continue
+                size = window if entry.is_own or choice.chosen else Window()
+                options = size.model_dump() | choice.options
                 if choice.terrain_map is not None:
-                    ground["terrain"] = self[choice.terrain_map].source
-                self._request(entry, window if is_set else Window(), choice.options | ground)
+                    options["terrain"] = self[choice.terrain_map].source
+                if choice.at is not None:
+                    options["at"] = list(choice.at)
+                here = {use: a for use, a in (areas or {}).items() if a and a.map == number}
+                if here:
+                    options["areas"] = {use: self._area(use, a) for use, a in here.items()}
+                self._request(entry, options)
 
-    def _request(self, entry: MapEntry, window: Window, options: dict) -> None:
-        entry.requested = window.model_dump() | options
+    def _area(self, use: str, area: Area) -> dict:
+        """Return an ``area`` as a job has it."""
+        if area.file is not None:
+            file = self._areas[area.file]
+            return {"file": str(file.path), "name": file.name}
+        stem = self.folder / f"{USES[use]}-{area.map}"
+        return {"shapes": area.model_dump(mode="json")["shapes"], "stem": str(stem)}
+
+    def area_names(self) -> dict[int, str]:
+        """Return the names of the files of areas, by their numbers."""
+        with self._changed:
+            return {number: area.name for number, area in self._areas.items()}
+
+    def _request(self, entry: MapEntry, requested: dict) -> None:
+        entry.requested = requested
         self._changed.notify_all()
 
     def _read_all(self) -> None:
@@ -320,8 +336,11 @@ class Maps:
                     {
                         "number": entry.number,
                         "map": entry.source,
+                        "child": entry.child,
                         "options": options[entry.number] | {"name": entry.title},
                         "picture": str(self._picture(entry.number)),
+                        "overview": str(self._overview(entry.number)),
+                        "over": entry.over,
                     }
                     for entry in entries
                 ]
@@ -354,22 +373,43 @@ class Maps:
             if entry is None:
                 return
             entry.read, entry.turn = options[entry.number], entry.turn + 1
-            entry.about = result.get("about")
+            entry.about, entry.over = result.get("about"), result.get("over") or entry.over
             entry.fault = fault_of(EvocityError(*result["error"])) if "error" in result else None
 
     def _picture(self, number: int) -> Path:
-        return self.folder / f"picture-{number}.png"
+        return self.folder / f"picture-{number}.npy"
+
+    def _overview(self, number: int) -> Path:
+        return self.folder / f"overview-{number}.bin"
+
+    @property
+    def scale(self) -> float:
+        """The height in metres at which the colours of all pictures end."""
+        with self._changed:
+            ends = [one.about.get("scale", 0) for one in self._entries.values() if one.about]
+        return max(ends, default=0) or 10.0
 
     def picture(self, number: int) -> bytes:
         """Return the picture of a map, PNG. Raises `RequestError` where there is no picture."""
+        from evocity.pictures import render
+
+        with contextlib.suppress(OSError, ValueError):
+            entry = self[number]
+            if entry.about is not None:
+                heights = np.load(self._picture(number))
+                city = CityMap(heights, entry.about["pixel"])
+                content = io.BytesIO()
+                render(city, highest=self.scale, legend=False).save(content, "PNG")
+                return content.getvalue()
+        raise _missing(number, "picture")
+
+    def overview(self, number: int) -> bytes:
+        """Return the content of an overview, see `Overview.write`. Raises `RequestError` where
+        there is no overview."""
         with contextlib.suppress(OSError):
-            if self[number].about is not None:
-                return self._picture(number).read_bytes()
-        raise RequestError(
-            f"map {number} has no picture yet",
-            "a map that studio has read",
-            "wait until studio has read the map",
-        )
+            if self[number].over is not None:
+                return self._overview(number).read_bytes()
+        raise _missing(number, "overview")
 
     def close(self) -> None:
         with self._changed:
@@ -381,3 +421,19 @@ class Maps:
             self._thread.join(5.0)
         if self._home is not None:
             self._home.remove()
+
+
+def _missing(number: int, what: str) -> RequestError:
+    return RequestError(
+        f"map {number} has no {what} yet",
+        "a map that studio has read",
+        "wait until studio has read the map",
+    )
+
+
+def _gone(title: str) -> MapError:
+    return MapError(
+        f"the kept child {title} is no longer on the disk",
+        "a genome file in the folder of kept children",
+        "choose another map, or restore the folder from a backup",
+    )

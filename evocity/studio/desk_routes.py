@@ -11,24 +11,28 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response
 from evocity.errors import EvocityError, MapError, reason_of
 from evocity.fitness import Measure
 from evocity.studio import guard
-from evocity.studio.desk import BeginRequest, Desk, Draft, MapNumber
+from evocity.studio.desk import BeginRequest, Desk, MapNumber
+from evocity.studio.desk_draft import Draft
 from evocity.studio.request_fields import Body, RequestError, fault_of, number
 from evocity.studio.runs import Runs
 from evocity.studio.subprocesses import RunProcesses
 
 _LARGEST = 2**31 - 1
 _LONGEST_NAME = 1000
+_BYTES = "application/octet-stream"
 
 
 @dataclass(frozen=True)
 class StudioOptions:
     """Options of the command line: the ``folder`` of runs; whether it is ``fresh`` and may be
-    missing; ``files`` of measures, each with its measures; a ``recipe`` to begin as it is."""
+    missing; ``files`` of measures, each with its measures; a ``recipe`` to begin as it is; the
+    folder of a ``library`` of objects for 3D views."""
 
     folder: Path | None = None
     fresh: bool = False
     files: Sequence[tuple[str, Sequence[Measure]]] = ()
     recipe: Path | None = None
+    library: Path | None = None
 
 
 class DeskRoutes:
@@ -39,14 +43,22 @@ class DeskRoutes:
         if folder is None:
             folder = runs[0].watcher.path.parent if len(runs) else Path("runs")
         self.processes = RunProcesses()
-        self.desk = Desk(folder.resolve(), self.processes, runs.add, options.files, options.recipe)
+        self.desk = Desk(
+            folder.resolve(),
+            self.processes,
+            runs.add,
+            options.files,
+            options.recipe,
+            lambda: runs.paths,
+        )
 
     @property
     def questions(self) -> Mapping[str, Callable[[Request], object]]:
         return {
             "desk": lambda request: self._state(),
             "desk-measures": lambda request: {"measures": self.desk.measures()},
-            "desk-picture": self.picture,
+            "desk-picture": lambda request: self._of_map(request, "picture", "image/png"),
+            "desk-overview": lambda request: self._of_map(request, "overview", _BYTES),
         }
 
     @property
@@ -73,13 +85,16 @@ class DeskRoutes:
 
         return answer
 
-    def picture(self, request: Request) -> Response:
-        """Answer with the picture of a ``map``; ``turn`` distinguishes it from earlier ones."""
-        content = self.desk.maps.picture(number(request.query_params, "map", 0, _LARGEST))
-        return Response(content, media_type="image/png")
+    def _of_map(self, request: Request, what: str, kind: str) -> Response:
+        """Answer with the picture or the overview of a ``map``; other arguments only distinguish it
+        from earlier ones."""
+        read = getattr(self.desk.maps, what)
+        content = read(number(request.query_params, "map", 0, _LARGEST))
+        return Response(content, media_type=kind)
 
     async def file(self, request: Request) -> Response:
-        """Take a map that a user brings, called ``name``; write it as it arrives."""
+        """Take a map that a user brings, called ``name``, or an area if ``area`` is 1; write it as
+        it arrives."""
         name, path, is_kept = request.query_params.get("name", ""), None, False
         try:
             if not 0 < len(name) <= _LONGEST_NAME:
@@ -97,7 +112,9 @@ class DeskRoutes:
             with open(path, "xb") as file:
                 async for part in request.stream():
                     file.write(part)
-            added = await run_in_threadpool(self.desk.maps.add, path, name, suffix)
+            is_area = request.query_params.get("area") == "1"
+            add = self.desk.maps.add_area if is_area else self.desk.maps.add
+            added = await run_in_threadpool(add, path, name, suffix)
             is_kept = True
             return JSONResponse({"map": added})
         except guard.FileTooLong as error:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
+from PIL import Image
 from pydantic import Field
 
 from evocity.citymap import CityMap
@@ -14,6 +15,7 @@ from evocity.errors import RunError
 from evocity.fitness import Part
 from evocity.genome import Genome
 from evocity.operators.grid import common_grid
+from evocity.pictures.colours import INK
 from evocity.studio.request_fields import Body
 
 #: Cells along a side of the map, at most.
@@ -77,6 +79,15 @@ def measured_part(drawing: Drawing, parents: Sequence[Genome]) -> Part | None:
     pavement = parents[0].pavement
     mask = marked_pixels(drawing.within, pavement.height, pavement.width)
     return Part(MARKED, mask) if mask.any() else None
+
+
+def hatched(mask: np.ndarray) -> Image.Image:
+    """Draw diagonal lines where ``mask``, bool ``(H, W)``, is true; the rest is transparent."""
+    rows, columns = np.indices(mask.shape)
+    step = max(6, mask.shape[1] // 24)
+    pixels = np.zeros((*mask.shape, 4), np.uint8)
+    pixels[mask & ((rows + columns) % step < max(1, step // 4))] = (*INK, 255)
+    return Image.fromarray(pixels)
 
 
 def board_of(parents: Sequence[Genome]) -> tuple[dict, bytes]:

@@ -5,7 +5,7 @@ import itertools
 import os
 import shutil
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +13,8 @@ import numpy as np
 import tomli_w
 from pydantic import Field
 
+from evocity.analysis import Run
+from evocity.condensation import Condensation
 from evocity.errors import EvocityError, FitnessError
 from evocity.fitness import Part
 from evocity.fitness.part import part_name
@@ -38,28 +40,43 @@ class KeepRequest(Body):
     board: bool = False
 
 
-def keep_children(run: RunLog, breeding: Breeding, request: KeepRequest, is_own: bool) -> dict:
-    """Write the genomes of children and a ``recipe.toml`` into a new folder beside the ``run``, or
-    in the user's state folder unless the run ``is_own``. Return its name and the parts that the
-    recipe leaves out: for a run that began elsewhere, all that could execute something. After an
-    error no file remains."""
+def keep_children(run: Run, breeding: Breeding, request: KeepRequest, is_own: bool) -> dict:
+    """Write children of a brood as `write_children` does."""
     kept = [breeding.child(request.brood, number) for number in dict.fromkeys(request.children)]
+    seed, locked, part = breeding.brood.seed, breeding.locked, breeding.part
+    return write_children(run, kept, request.picks, is_own, seed, locked, part)
+
+
+def write_children(
+    run: Run,
+    children: Sequence[Child],
+    picks: Sequence[int],
+    is_own: bool,
+    seed: int,
+    locked: Condensation | None = None,
+    part: Part | None = None,
+) -> dict:
+    """Write the genomes of ``children`` and a ``recipe.toml``, with the ``picks`` as parents, into
+    a new folder beside the ``run``, or in the user's state folder unless the run ``is_own``. Return
+    its name and the parts that the recipe leaves out: for a run that began elsewhere, all that
+    could execute something. After an error no file remains."""
+    run.columns.rows([*picks])  # raises for an unknown id
     folder = _new_folder(run, is_own)
     try:
         parents: list[dict] = []
-        for child in kept:
+        for child in children:
             name = f"child-{child.number}"
-            _write_genome(child, folder / f"{name}.parquet", run, breeding)
+            _write_genome(child, folder / f"{name}.parquet", run, seed)
             parents.append({"genome": f"{name}.parquet", "name": name})
         place = os.path.relpath(run.path.resolve(), folder)
-        parents += [{"run": place, "id": n} for n in dict.fromkeys(request.picks)]
-        text, left = _recipe_text(run, folder, parents, _write_lock(breeding, folder))
+        parents += [{"run": place, "id": n} for n in dict.fromkeys(picks)]
+        text, left = _recipe_text(run, folder, parents, _write_lock(locked, folder))
         path = folder / "recipe.toml"
         recipe = write_recipe(path, text)
-        if breeding.part is not None:
+        if part is not None:
             name = _free_file(recipe)
-            np.save(folder / name, breeding.part.mask.astype(np.uint8))
-            text, others = _within(text, recipe, breeding.part, name)
+            np.save(folder / name, part.mask.astype(np.uint8))
+            text, others = _within(text, recipe, part, name)
             left += others
             write_recipe(path, text)
     except (EvocityError, OSError) as error:
@@ -81,21 +98,20 @@ def _new_folder(run: RunLog, is_own: bool) -> Path:
     return make_folder(folder)
 
 
-def _write_genome(child: Child, path: Path, run: RunLog, breeding: Breeding) -> None:
+def _write_genome(child: Child, path: Path, run: RunLog, seed: int) -> None:
     """Write a genome with all values by which it can be bred again."""
     origin = {
         "run": run.path.resolve().name,
         "parents": list(child.parents),
         "parameters": dict(child.parameters),
         "number": child.number,
-        "seed": breeding.brood.seed,
+        "seed": seed,
     }
     child.genome.replace(made={**child.genome.made, "studio": origin}).write(path)
 
 
-def _write_lock(breeding: Breeding, folder: Path) -> dict:
+def _write_lock(layer: Condensation | None, folder: Path) -> dict:
     """Write the lock of a drawing into the ``folder``; return its section of the recipe."""
-    layer = breeding.locked
     if layer is None:
         return {}
     names = {"mask": "locked.npy", "heights": "locked-heights.npy"}

@@ -1,67 +1,72 @@
 """The addresses of studio and their answers. Ids are numbers; no part of a request becomes a path.
-
-The page's own files stay in memory, so every other file has no address.
-"""
+Only the page's own files and these answers have an address."""
 
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
-from functools import cache, partial
+from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field
 from starlette.applications import Starlette
-from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import Response
 from starlette.routing import Route
 
 from evocity.analysis.arguments import check_count
 from evocity.analysis.distributions import QUANTITIES
 from evocity.analysis.individual import fabric_of
+from evocity.analysis.page.page import PARTS
 from evocity.coding.usage import COUNTS
-from evocity.errors import EvocityError
+from evocity.scene import Library
+from evocity.search.calibration.recipe_text import describe_duration
 from evocity.studio import birth_details as details
-from evocity.studio.birth_details import Comparison, compare_births
-from evocity.studio.children import Brood, ReadyRequest, list_operators
+from evocity.studio.answers import (
+    BYTES,
+    Answer,
+    Handler,
+    RunChange,
+    RunHandler,
+    answer_safely,
+    file_answer,
+    page_files,
+    parse_change,
+    parse_query,
+)
+from evocity.studio.birth_details import Comparison, SceneOptions, compare_births
+from evocity.studio.birth_growth import GrowthFile, GrowthRequest
+from evocity.studio.children import (
+    MOST_PARENTS,
+    Brood,
+    ReadyRequest,
+    list_operators,
+    reasons_against,
+)
 from evocity.studio.desk_routes import DeskRoutes, StudioOptions
-from evocity.studio.drawing_board import BOARD, board_of
+from evocity.studio.drawing_board import BOARD, board_of, hatched
+from evocity.studio.exports import ExportRequest, Exports, list_formats, subjects_of
+from evocity.studio.filters import FieldPicture, FieldRequest, FilterKeepRequest, FilterRequest
 from evocity.studio.guard import FILE
 from evocity.studio.kept_children import KeepRequest, keep_children
+from evocity.studio.modeller_runs import Modeller
 from evocity.studio.picks import PickChange
 from evocity.studio.request_fields import (
     Body,
     Id,
     RequestError,
-    fault_of,
     number,
     numbers,
-    parse_body,
 )
-from evocity.studio.run_watcher import frame
 from evocity.studio.runs import OpenRun, Runs
 from evocity.studio.subprocesses import ResumeRequest, resume_run, stop_run
-from evocity.viewer.module_bundle import PAGE as VIEWER
 from evocity.viewer.sheet import MOST, SIDES, Sheet
 
 #: Births in one zip, at most.
 MOST_SAVED = 100
 _SAVED = {"zip": "application/zip", "png": "image/png", "csv": "text/csv; charset=utf-8"}
 _LARGEST = 2**31 - 1  # the page holds ids as int32
-_BYTES = "application/octet-stream"
-_PAGE = Path(__file__).parent / "page"
-_KINDS = {
-    ".html": "text/html; charset=utf-8",
-    ".js": "text/javascript; charset=utf-8",
-    ".css": "text/css; charset=utf-8",
-    ".svg": "image/svg+xml",
-}
-
-#: Plain values (JSON), bytes, plain values with bytes (`frame`), pictures, or a whole response.
-Answer = dict | bytes | tuple[dict, bytes] | Sheet | Response
-Handler = Callable[[Request], Answer]
-RunHandler = Callable[[OpenRun, Request], Answer]
-RunChange = Callable[[OpenRun, Body], Answer]
 #: A reader of an argument in a query.
 Argument = Callable[[Mapping[str, str]], object]
 
@@ -82,24 +87,37 @@ class Studio:
     desk. Addresses of one run are ``/api/NUMBER/NAME``, all others ``/api/NAME``."""
 
     def __init__(self, paths: Iterable[str | Path], options: StudioOptions):
-        self.runs = Runs(paths, options.folder, options.fresh)
+        library = None if options.library is None else Library.read(options.library)
+        self.runs = Runs(paths, options.folder, options.fresh, library)
         self.desk_routes = DeskRoutes(self.runs, options)
+        self.exports = Exports()
+        desk = self.desk_routes
+        self.modeller = Modeller(desk.desk.home, desk.processes, self.runs.add)
         questions: dict[str, Handler] = {
             "runs": lambda request: {"runs": self.runs.states(), "more": self.runs.more},
-            "operators": lambda request: {"operators": list_operators()},
             **self.desk_routes.questions,
+            **self.modeller.questions,
         }
         run_questions: dict[str, RunHandler] = {
             "changes": self.changes,
             "births": self.births,
+            "part": lambda run, request: {"value": run.watcher.part(_PART(request.query_params))},
             "tiles": self.tiles,
             **{name: _details(*parts) for name, parts in _DETAILS.items()},
             "solids": self.solids,
+            "scene-options": lambda run, request: {"library": self.runs.library is not None},
             "board": self.board,
             "brood": self.brood,
             "brood-tiles": self.brood_tiles,
             "brood-picture": self.brood_picture,
+            "operators": self.operators,
+            "lock": self.lock,
+            "formats": lambda run, request: list_formats(run.watcher.moment.run),
             "picks": lambda run, request: run.picks.state(),
+            "filtered": parse_query(FilterRequest, lambda run, body: run.filters.heights(body)),
+            "field": parse_query(FieldPicture, lambda run, body: run.autosimilarity.picture(body)),
+            "growth-file": lambda run, request: run.growth.file(self.desk_routes.processes),
+            "grown": parse_query(GrowthRequest, lambda run, body: run.growth.heights(body)),
         }
         run_changes: dict[str, tuple[type[Body], RunChange]] = {
             "pick": (PickChange, self.pick),
@@ -109,24 +127,39 @@ class Studio:
             "breed": (Brood, self.breed),
             "stop": (Body, self.stop),
             "keep": (KeepRequest, self.keep),
+            "export": (ExportRequest, self.export),
             **{suffix: (BirthIds, partial(self.saved, suffix)) for suffix in _SAVED},
+            "filter-keep": (
+                FilterKeepRequest,
+                lambda run, body: run.filters.keep(body, run.picks.is_own),
+            ),
+            "fields": (FieldRequest, lambda run, body: run.autosimilarity.begin(body)),
+            "fields-stop": (Body, lambda run, body: run.autosimilarity.stop()),
+            "grow": (GrowthRequest, lambda run, body: run.growth.begin(body)),
+            "grow-stop": (Body, lambda run, body: run.growth.stop()),
+            "grow-save": (GrowthFile, self.save_growth),
             "stop-run": (Body, self.stop_run),
             "resume": (ResumeRequest, self.resume),
         }
-        routes = [Route(address, _file_answer(*file)) for address, file in page_files().items()]
-        routes += [Route(f"/api/{name}", _safe(answer)) for name, answer in questions.items()]
+        routes = [Route(address, file_answer(*file)) for address, file in page_files().items()]
+        routes += [
+            Route(f"/api/{name}", answer_safely(answer)) for name, answer in questions.items()
+        ]
         for name, answer in run_questions.items():
-            routes.append(Route(f"/api/{{run}}/{name}", _safe(self._of_run(answer))))
+            routes.append(Route(f"/api/{{run}}/{name}", answer_safely(self._of_run(answer))))
         for name, (kind, change) in run_changes.items():
-            answer = _safe(self._of_run(_parsed(kind, change)))
+            answer = answer_safely(self._of_run(parse_change(kind, change)))
             routes.append(Route(f"/api/{{run}}/{name}", answer, methods=["POST"]))
-        for name, (kind, act) in self.desk_routes.changes.items():
-            routes.append(Route(f"/api/{name}", _safe(_parsed(kind, act)), methods=["POST"]))
+        for name, (kind, act) in [*desk.changes.items(), *self.modeller.changes.items()]:
+            routes.append(
+                Route(f"/api/{name}", answer_safely(parse_change(kind, act)), methods=["POST"])
+            )
         routes.append(Route(FILE, self.desk_routes.file, methods=["POST"]))
         self.app = Starlette(routes=routes)
         self.app.router.redirect_slashes = False
 
     def close(self) -> None:
+        self.exports.close()
         self.desk_routes.close()
         self.runs.close()
 
@@ -140,11 +173,17 @@ class Studio:
     # -- questions ---------------------------------------------------------------------------
 
     def changes(self, run: OpenRun, request: Request) -> dict:
-        """Answer with `RunWatcher.news`, whether there are ``more`` births, and the ``process``."""
+        """Answer with `RunWatcher.news`, whether there are ``more`` births, the `outlook`, and the
+        ``process``."""
         after = number(request.query_params, "after", -1, _LARGEST)
         news = run.watcher.news()
         process = self.desk_routes.processes.state(run.watcher.path)
         extra = {} if process is None else {"process": process}
+        if news["generation"] >= 0 and news["problem"] is None:
+            with run.watcher.reading:
+                extra |= run.watcher.moment.outlook
+            if extra["seconds_left"]:
+                extra["time_left"] = describe_duration(extra["seconds_left"])
         return news | {"more": news["generation"] > after} | extra
 
     def births(self, run: OpenRun, request: Request) -> bytes:
@@ -163,8 +202,10 @@ class Studio:
             )
         return run.watcher.sheet([n for n in ids if 0 <= n <= _LARGEST], side)
 
-    def solids(self, run: OpenRun, request: Request) -> bytes:
-        return run.solids.of(number(request.query_params, "id", 0, _LARGEST))
+    def solids(self, run: OpenRun, request: Request) -> tuple[dict, bytes]:
+        query = request.query_params
+        options = {one.name: bool(number(query, one.name, 0, 1, 0)) for one in fields(SceneOptions)}
+        return run.solids.of(number(query, "id", 0, _LARGEST), SceneOptions(**options))
 
     def compare(self, run: OpenRun, request: Comparison) -> bytes:
         """Answer with distances, see `compare_births`; ids may be many, so a body has them."""
@@ -194,6 +235,20 @@ class Studio:
 
     # -- children ----------------------------------------------------------------------------
 
+    def operators(self, run: OpenRun, request: Request) -> dict:
+        """Answer with the operators, each with the reason why it does not suit the births."""
+        parents = numbers(request.query_params, "ids", MOST_PARENTS) if request.query_params else ()
+        with run.watcher.reading:
+            moment = run.watcher.moment
+            reasons = reasons_against(moment, run.breeding.genomes(moment, parents).values())
+        return {"operators": list_operators(reasons)}
+
+    def lock(self, run: OpenRun, request: Request) -> Response:
+        """Answer with a hatched picture of the lock of the run, empty without a lock."""
+        header, layer = run.watcher.moment.run.header, run.watcher.moment.run.condensation
+        none = np.zeros((header.height, header.width), bool)
+        return _png(details.png_of)(hatched(none if layer is None else layer.mask))
+
     def brood(self, run: OpenRun, request: Request) -> dict:
         return run.broods(_is_board(request)).state()
 
@@ -219,6 +274,8 @@ class Studio:
             return board_of([fabric_of(opened.header, opened.genome(n), BOARD) for n in ids])
 
     def ready(self, run: OpenRun, request: ReadyRequest) -> dict:
+        if self.runs.is_busy_beside(run, request.board):
+            return run.broods(request.board).state() | {"waits": True}
         breeding = self.runs.breeding(run, request.board)
         with run.watcher.reading:
             breeding.prepare(run.watcher.moment, request.parents)
@@ -236,9 +293,20 @@ class Studio:
 
     def keep(self, run: OpenRun, request: KeepRequest) -> dict:
         with run.watcher.reading:
-            opened = run.watcher.moment.run
-            opened.columns.rows(request.picks)  # raises for an unknown id
-            return keep_children(opened, run.broods(request.board), request, run.picks.is_own)
+            opened, broods = run.watcher.moment.run, run.broods(request.board)
+            return keep_children(opened, broods, request, run.picks.is_own)
+
+    def save_growth(self, run: OpenRun, request: GrowthFile) -> dict:
+        """Write a grown fabric by `evocity grow`; answer with the state of the process."""
+        return run.growth.save(request, self.desk_routes.processes, run.picks.is_own)
+
+    def export(self, run: OpenRun, request: ExportRequest) -> Response:
+        """Answer with births or children as a file of another program."""
+        with run.watcher.reading:
+            subjects = subjects_of(run.watcher.moment.run, run.broods(request.board), request)
+        name, content = self.exports.write(run.watcher.moment.run, subjects, request)
+        about = {"content-disposition": f'attachment; filename="{name}"'}
+        return Response(content, media_type=BYTES, headers=about)
 
     # -- files -------------------------------------------------------------------------------
 
@@ -302,74 +370,13 @@ def _png(function: Callable[..., bytes]) -> Callable[..., Response]:
     return lambda *arguments: Response(function(*arguments), media_type="image/png")
 
 
+_PART = _word("name", PARTS)
 # The answers about one birth, and the further arguments of each.
 _DETAILS: dict[str, tuple[Callable, ...]] = {
     "one": (details.describe_birth,),
     "picture": (_png(details.picture_of), _word("kind", details.PICTURES), _other_birth),
-    "pedigree": (
-        details.pedigree_of,
-        lambda query: number(query, "steps", 1, details.MOST_STEPS, 4),
-    ),
     "heights": (details.heights_of,),
     "calls": (details.call_counts_of, _word("count", COUNTS), _other_birth),
     "difference": (details.difference_of, lambda query: number(query, "beside", 0, _LARGEST)),
     "buildings": (details.buildings_of, _word("of", QUANTITIES), _other_birth),
 }
-
-
-def _parsed(kind: type[Body], change: Callable) -> Callable[..., Answer]:
-    """Return a handler that passes the body of a request on, parsed; last of its arguments."""
-
-    def answer(*arguments) -> Answer:
-        *before, request = arguments
-        return change(*before, parse_body(kind, request.state.body))
-
-    return answer
-
-
-def _safe(answer: Handler):
-    """Return a handler that answers in a thread, with errors in three parts."""
-
-    async def answer_safely(request: Request) -> Response:
-        if request.method == "POST":
-            request.state.body = await request.body()
-        try:
-            return await run_in_threadpool(lambda: _response(answer(request)))
-        except EvocityError as error:
-            status = 400 if isinstance(error, RequestError) else 409
-            return JSONResponse({"error": fault_of(error)}, status)
-
-    return answer_safely
-
-
-def _response(answer: Answer) -> Response:
-    if isinstance(answer, Response):
-        return answer
-    if isinstance(answer, dict):
-        return JSONResponse(answer)
-    if isinstance(answer, Sheet):
-        answer = (answer.about, answer.image)
-    content = answer if isinstance(answer, bytes) else frame(*answer)
-    return Response(content, media_type=_BYTES)
-
-
-# -- the page's own files -------------------------------------------------------------------------
-
-
-@cache
-def page_files() -> dict[str, tuple[str, bytes]]:
-    """Return the kind and content of each file of the page, by address. The page is ``/``."""
-    files: dict[str, tuple[str, bytes]] = {}
-    for path in sorted([*_PAGE.iterdir(), *VIEWER.iterdir()]):
-        if path.suffix in _KINDS:
-            address = "/" if path.name == "index.html" else f"/page/{path.name}"
-            assert address not in files, f"two files of the page have the name {path.name}"
-            files[address] = (_KINDS[path.suffix], path.read_bytes())
-    return files
-
-
-def _file_answer(kind: str, content: bytes):
-    async def answer(request: Request) -> Response:
-        return Response(content, headers={"content-type": kind})
-
-    return answer

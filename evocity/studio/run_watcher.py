@@ -7,11 +7,11 @@ import threading
 import time
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from evocity.analysis import Run, open_run
-from evocity.analysis.likeness import Likeness
-from evocity.analysis.pedigree import Pedigree
-from evocity.analysis.view_table import ViewTable
+from evocity.analysis.outlook import outlook
+from evocity.analysis.page import Page
 from evocity.citymap import CityMap
 from evocity.errors import EvocityError, RunError
 from evocity.store.events import EVENTS
@@ -34,24 +34,21 @@ def frame(about: dict, content: bytes) -> bytes:
     return len(head).to_bytes(4, "little") + head + content
 
 
-class Moment(ViewTable):
+class Moment(Page):
     """All births up to a generation; moments of one run have the same ``fingerprint``."""
 
     def __init__(self, run: Run, fingerprint: str):
-        super().__init__(run)
+        super().__init__(run, folder=str(run.path))
         self.fingerprint, self.generation = fingerprint, run.columns.last
 
-    @property
+    @cached_property
     def about(self) -> dict:
         header = self.run.header
         return {
             **super().about,
-            **self.table.about,
             "run": self.fingerprint,
             "generation": self.generation,
             "folder": str(self.run.path),
-            "axes": self.axes(),
-            "cities": list(header.cities),
             "metres": [
                 header.width * header.metres_per_pixel,
                 header.height * header.metres_per_pixel,
@@ -63,17 +60,12 @@ class Moment(ViewTable):
         """The births for the page: `about` and the table, as `frame` joins them."""
         return frame(self.about, self.table.buffer)
 
-    @cached_property
-    def likeness(self) -> Likeness:
-        return Likeness(self.run.columns)
+    #: The time left, and targets and bounds that no birth has reached.
+    outlook = cached_property(lambda self: outlook(self.run))
 
     @cached_property
     def cities(self) -> tuple[list[CityMap], list[CityMap]]:
         return [source.city for source in self.run.sources()], list(self.run.references())
-
-    @cached_property
-    def pedigree(self) -> Pedigree:
-        return Pedigree(self.run.columns)
 
 
 class RunWatcher:
@@ -83,6 +75,7 @@ class RunWatcher:
         self.path = Path(path).resolve()
         #: The lock that a reader of the run holds.
         self.reading = threading.RLock()
+        self._choosing = threading.Lock()
         self._moment: Moment | None = None
         self._tiles: Tiles | None = None
         self._news, self._until = {}, 0.0
@@ -137,6 +130,18 @@ class RunWatcher:
         with self.reading:
             moment = self.moment
             return self._tiles.sheet(moment, ids, side)
+
+    def part(self, name: str) -> Any:
+        """Return a part of the page. The births to keep take seconds to choose; meanwhile the run
+        stays readable."""
+        with self.reading:
+            moment = self.moment
+            if name != "keep":
+                return moment.part(name)
+        with self._choosing:
+            if "keep" not in moment.__dict__:
+                moment.__dict__["keep"] = Page(open_run(self.path), folder=str(self.path)).keep
+            return moment.keep
 
 
 def _fingerprint(run: Run) -> str:

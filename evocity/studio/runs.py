@@ -5,14 +5,20 @@ import os
 import threading
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from evocity.errors import RunError, reason_of
 from evocity.store import RunLog
 from evocity.store.lock import is_held
 from evocity.studio.birth_details import Solids
+from evocity.studio.birth_growth import BirthGrowth
 from evocity.studio.children import Breeding
+from evocity.studio.filters import Autosimilarity, FilterDesk
 from evocity.studio.picks import Picks
 from evocity.studio.run_watcher import RunWatcher
+
+if TYPE_CHECKING:
+    from evocity.scene import Library
 
 #: Runs from a folder, at most.
 MOST_RUNS = 500
@@ -21,9 +27,12 @@ MOST_RUNS = 500
 class OpenRun:
     """One run with its watcher, picks and broods. Raises `RunError` if it cannot be read."""
 
-    def __init__(self, path: Path):
+    def __init__(self, path: Path, library: "Library | None" = None):
         self.watcher = RunWatcher(path)
-        self.solids = Solids(self.watcher)
+        self.solids = Solids(self.watcher, library)
+        self.filters = FilterDesk(self.watcher)
+        self.autosimilarity = Autosimilarity(self.watcher)
+        self.growth = BirthGrowth(self.watcher.path)
         self.picks = Picks(self.watcher.path)
         self.breeding = Breeding()
         #: The broods of the drawing board, one child each.
@@ -36,9 +45,16 @@ class OpenRun:
 class Runs:
     """Runs by number, which never changes: the runs at ``paths``, then all runs within ``folder``,
     also later ones. A run is opened at its first request. The folder may be missing if it
-    ``may_lack``."""
+    ``may_lack``. ``library``: objects for 3D views."""
 
-    def __init__(self, paths: Iterable[str | Path], folder: Path | None, may_lack: bool):
+    def __init__(
+        self,
+        paths: Iterable[str | Path],
+        folder: Path | None,
+        may_lack: bool,
+        library: "Library | None" = None,
+    ):
+        self.library = library
         self._lock = threading.RLock()
         self._paths: list[Path] = []
         self._open_runs: dict[int, OpenRun] = {}
@@ -56,10 +72,15 @@ class Runs:
     def __len__(self) -> int:
         return len(self._paths)
 
+    @property
+    def paths(self) -> list[Path]:
+        with self._lock:
+            return list(self._paths)
+
     def __getitem__(self, number: int) -> OpenRun:
         with self._lock:
             if number not in self._open_runs:
-                self._open_runs[number] = OpenRun(self._paths[number])
+                self._open_runs[number] = OpenRun(self._paths[number], self.library)
             return self._open_runs[number]
 
     def add(self, path: str | Path) -> int:
@@ -94,24 +115,36 @@ class Runs:
             self.more = len(new[room:])
             self._paths += new[:room]
 
+    @property
+    def _broods(self) -> list[Breeding]:
+        return [two for run in self._open_runs.values() for two in (run.breeding, run.board)]
+
+    def is_busy_beside(self, run: OpenRun, is_board: bool) -> bool:
+        """Whether studio breeds in another run than a ``run``, or in the other pane of the run."""
+        with self._lock:
+            chosen = run.broods(is_board)
+            return any(one.busy for one in self._broods if one is not chosen)
+
     def breeding(self, run: OpenRun, is_board: bool = False) -> Breeding:
         """Return the broods of a ``run``, ready for a new one: all other workers end."""
         with self._lock:
-            chosen = run.broods(is_board)
-            every = [two for one in self._open_runs.values() for two in (one.breeding, one.board)]
-            others = [breeding for breeding in every if breeding is not chosen]
-            if any(breeding.busy for breeding in others):
+            if self.is_busy_beside(run, is_board):
                 raise RunError(
                     "studio is breeding children in another run or in another pane of the page",
                     "one group of children at a time",
                     "wait for those children, or stop them",
                 )
-            for breeding in others:
-                breeding.release_workers()
+            chosen = run.broods(is_board)
+            for breeding in self._broods:
+                if breeding is not chosen:
+                    breeding.release_workers()
             return chosen
 
     def close(self) -> None:
-        every = [two for run in self._open_runs.values() for two in (run.breeding, run.board)]
+        for run in self._open_runs.values():
+            run.autosimilarity.stop()
+            run.growth.stop()
+        every = self._broods
         for breeding in every:  # all at once, then wait for each
             breeding.cancel()
         for breeding in every:

@@ -31,10 +31,17 @@ TAIL = 4000
 
 class DeskJob:
     """A job of `evocity.studio.desk_jobs` in a process of its own, within ``memory`` (bytes) and
-    ``seconds``. ``name``: the job in words, for errors."""
+    ``seconds``. For errors: ``name``, the job in words, and ``expected``, a job within limits."""
 
-    def __init__(self, memory: int, seconds: float | None, name: str):
+    def __init__(
+        self,
+        memory: int,
+        seconds: float | None,
+        name: str,
+        expected: str = "a map of a single district",
+    ):
         self._memory, self._seconds, self._name = memory, seconds, name
+        self._expected = expected
         self._error: EvocityError | None = None
         self.stopped = False
         self._process: subprocess.Popen | None = None
@@ -78,10 +85,9 @@ class DeskJob:
             raise self._error
         if code and not self.stopped:
             raise EvocityError(
-                f"{self._name}: the process that reads the map ended "
-                f"({linux_processes.describe_exit_code(code)})",
-                "a readable map",
-                "try again, or choose another map",
+                f"{self._name}: the process ended ({linux_processes.describe_exit_code(code)})",
+                self._expected,
+                f"try again, or choose {self._expected}",
             )
 
     def stop(self) -> None:
@@ -102,8 +108,8 @@ class DeskJob:
     def _end(self, process: subprocess.Popen, what: str) -> None:
         self._error = EvocityError(
             f"a background process of studio ({self._name}) needs {what}",
-            "a map of a single district",
-            "cut out a smaller part of the map",
+            self._expected,
+            f"choose {self._expected}",
         )
         self._kill(process)
 

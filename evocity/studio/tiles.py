@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from evocity import __version__
+from evocity.analysis.page import Page
 from evocity.analysis.scores import cache_folder
-from evocity.analysis.view_table import ViewTable
 from evocity.viewer.sheet import Sheet
 
 #: Bytes of the pictures of all runs, at most; the runs that were unused longest go first.
@@ -34,19 +34,19 @@ class Tiles:
                 _remove_older(self._folder)
                 _make_room(self._folder)
 
-    def sheet(self, viewed: ViewTable, ids: list[int], side: int) -> Sheet:
-        """Return the pictures of those ``ids`` that are births of ``viewed``, in their order."""
-        ids = viewed.table.known_ids(ids)
+    def sheet(self, page: Page, ids: list[int], side: int) -> Sheet:
+        """Return the pictures of those ``ids`` that are births of ``page``, in their order."""
+        ids = page.table.known_ids(ids)
         if self._folder is None:
-            return Sheet.of(*viewed.thumbnails.of(ids, side), packed=False)
+            return Sheet.of(*page.thumbnails.of(ids, side), kind="bmp")
         kept = {n: self._read(n, side) for n in ids}
         missing = [n for n, picture in kept.items() if picture is None]
-        made, lacking = viewed.thumbnails.of(missing, side) if missing else ({}, {})
+        made, lacking = page.thumbnails.of(missing, side) if missing else ({}, {})
         for n, picture in made.items():
             self._write(n, side, picture)
         kept |= made
         pictures = {n: picture for n, picture in kept.items() if picture is not None}
-        return Sheet.of(pictures, lacking, packed=False)
+        return Sheet.of(pictures, lacking, kind="bmp")
 
     def _file(self, identifier: int, side: int) -> Path:
         return self._folder / f"{identifier}-{side}{_SUFFIX}"

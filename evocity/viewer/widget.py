@@ -1,7 +1,6 @@
 """The page as a widget of Jupyter."""
 
-from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 import anywidget
 import traitlets
@@ -10,6 +9,19 @@ from evocity.errors import EvocityError
 from evocity.viewer.module_bundle import module, text
 from evocity.viewer.sheet import MOST, SIDES, Sheet
 from evocity.viewer.table import Table
+
+
+class Source(Protocol):
+    """The births, facts, pictures and parts that a widget shows: `evocity.analysis.page.Page`."""
+
+    table: Table
+
+    @property
+    def about(self) -> dict: ...
+
+    def sheet(self, ids: list[int], side: int) -> Sheet: ...
+
+    def part(self, name: object) -> Any: ...
 
 
 class Widget(anywidget.AnyWidget):
@@ -28,20 +40,17 @@ class Widget(anywidget.AnyWidget):
     #: From left to right, each ``name`` and whether the axis is ``turned``.
     axes = traitlets.List(traitlets.Dict()).tag(sync=True)
 
-    def __init__(
-        self, table: Table, about: dict, pictures: Callable[[list[int], int], Sheet], **at
-    ):
-        """``pictures`` returns those of some births, of a side of `SIDES`; ``at``: initial
-        traits."""
-        self._table, self._pictures = table, pictures
-        super().__init__(about=about | table.about, births=table.buffer, **at)
+    def __init__(self, page: Source, **at: Any):
+        """``page``: the births; ``at``: initial traits."""
+        self._page = page
+        super().__init__(about=page.about, births=page.table.buffer, **at)
         self.on_msg(self._answer)
 
-    def show(self, table: Table, about: dict) -> None:
+    def show(self, page: Source) -> None:
         """Replace the births; choices and brushes that do not fit them are removed."""
-        self._table = table
+        self._page, table = page, page.table
         with self.hold_sync():
-            self.about, self.births = about | table.about, table.buffer
+            self.about, self.births = page.about, table.buffer
             self.chosen = table.known_ids(self.chosen)
             try:
                 table.check_brushes(self.brushes)
@@ -50,23 +59,32 @@ class Widget(anywidget.AnyWidget):
 
     @traitlets.validate("chosen")
     def _check_chosen(self, proposal: Any) -> list[int]:
-        return self._table.known_ids(dict.fromkeys(proposal["value"]))
+        return self._page.table.known_ids(dict.fromkeys(proposal["value"]))
 
     @traitlets.validate("brushes")
     def _check_brushes(self, proposal: Any) -> dict:
-        return self._table.check_brushes(proposal["value"])
+        return self._page.table.check_brushes(proposal["value"])
 
     def _answer(self, _: object, content: object, buffers: object) -> None:
-        """Answer a request for pictures: ``{"tiles": [ids], "side": px, "request": its name}``."""
-        if not isinstance(content, dict) or content.get("side") not in SIDES:
+        """Answer a request of the page for pictures, ``{"tiles": [ids], "side": px}``, or for a
+        part of the document, ``{"part": name}``; each has a name, ``"request"``."""
+        if not isinstance(content, dict):
+            return
+        about: dict = {"request": str(content.get("request"))}
+        if "part" in content:
+            try:
+                self.send(about | {"value": self._page.part(content["part"])}, [])
+            except EvocityError as error:
+                self.send(about | {"error": str(error)}, [])
             return
         ids = content.get("tiles")
-        if not isinstance(ids, list) or not all(type(n) is int for n in ids):
+        if content.get("side") not in SIDES or not isinstance(ids, list):
             return
-        ids = self._table.known_ids(ids[:MOST])
+        if not all(type(n) is int for n in ids):
+            return
+        ids = self._page.table.known_ids(ids[:MOST])
         try:
-            sheet = self._pictures(ids, content["side"])
+            sheet = self._page.sheet(ids, content["side"])
         except EvocityError as error:  # the page shows the reason
             sheet = Sheet.of({}, dict.fromkeys(ids, str(error)))
-        about = {"request": str(content.get("request"))} | sheet.about
-        self.send(about, [sheet.image])
+        self.send(about | sheet.about, [sheet.image])

@@ -68,8 +68,8 @@ def test_islands_are_words_of_an_axis(archipelago):
 
 def test_a_view_may_have_no_axes(run):
     view = run.view(measures=[])
-    assert (view.widget.axes, view.order) == ([], "id")
-    assert view.filtered.index.tolist() == run.columns.ids.tolist()
+    assert (view.widget.axes, view.order) == ([], "compromise")
+    assert view.filtered.index[0] == run.compromise().id
     assert "parallel coordinates" not in view._repr_html_()
 
 
@@ -102,6 +102,15 @@ def test_what_is_brushed_there_is_known_here(run):
     assert set(view.filtered["alive"]) == {True}
     view.brushes = {}
     assert len(view.filtered) == len(run)
+
+
+def test_parts_of_the_page_are_answered(run):
+    view = run.view()
+    ((told, _),) = answer(view, {"part": "keep", "request": "r"})
+    assert told["value"] == view.page.keep
+    assert [card["id"] for card in told["value"]] == [one.individual.id for one in run.keep()]
+    ((told, _),) = answer(view, {"part": "__dict__", "request": "r"})
+    assert (told["request"], "no part" in told["error"]) == ("r", True)
 
 
 def test_the_gallery_stands_in_an_order(run):
@@ -209,7 +218,7 @@ def test_pictures_are_made_once(run, monkeypatch):
     monkeypatch.undo()
     monkeypatch.setattr("evocity.analysis.thumbnails._KEPT", 20_000)
     answer(view, {"tiles": [5, 6, 7], "side": 96})
-    assert sum(one.nbytes for one in view.thumbnails._kept.values()) <= 20_000
+    assert sum(one.nbytes for one in view.page.thumbnails._kept.values()) <= 20_000
 
 
 def test_damage_is_told_where_pictures_would_be(night, tmp_path):

@@ -448,6 +448,15 @@ def test_an_output_of_a_wrong_kind_is_refused(tmp_path, genome_file):
     refused(tmp_path, "show", "lyon-1er", "-o", tmp_path / "p.jpg", says=".jpg")
 
 
+def test_settled_roofs_are_named_once_and_by_a_known_word(tmp_path, genome_file):
+    for words in (("encode", "lyon-1er"), ("decode", genome_file)):
+        words += ("-o", tmp_path / ("g.parquet" if words[0] == "encode" else "m.tif"))
+        both = (*words, "--settle", "roofs", "--no-settle")
+        refused(tmp_path, *both, says="--settle roofs together with --no-settle")
+        told = call(*words, "--settle=tiles", code=2).stderr
+        assert "'tiles' is not one of 'buildings', 'roofs'" in told
+
+
 def test_the_input_is_never_the_output(tmp_path, genome_file):
     picture = tmp_path / "map.png"
     Image.fromarray(np.zeros((8, 8), np.uint8)).save(picture)

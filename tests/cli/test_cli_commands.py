@@ -123,7 +123,39 @@ def test_encode_tells_psnr_before_and_after_roofs_are_settled(tmp_path, town_fil
     raw = evocity.decode(made.genome, settle=False).city
     assert made.psnr_unsettled == evocity.coding.psnr(made.city, raw)
     result = call("encode", town_file, *AT_2_M, "--no-settle", "-o", tmp_path / "h.parquet")
-    assert "before its roofs" not in result.stdout
+    assert "before each" not in result.stdout
+    roofs = evocity.encode(made.city, settle="roofs")
+    for words in (("--settle", "roofs"), ("--settle=roofs",)):
+        result = call("encode", town_file, *AT_2_M, *words, "-o", tmp_path / "g.parquet")
+        assert f"decoded PSNR {roofs.psnr:.1f} dB ({before} with fractal roofs, " in result.stdout
+        assert "before each roof got one height" in result.stdout
+        assert evocity.read_genome(tmp_path / "g.parquet") == roofs.genome
+
+
+def test_settle_without_a_word_stands_anywhere(tmp_path, town_file):
+    path = tmp_path / "g.parquet"
+    ways = {(): True, ("--settle",): True, ("--settle", "buildings"): True}
+    ways |= {("--settle", "roofs"): "roofs", ("--no-settle",): False}
+    for words, way in ways.items():
+        call("encode", *words, town_file, *AT_2_M, *PLAIN[:3], "-o", path)
+        assert evocity.read_genome(path).settle == way
+        call("encode", town_file, *AT_2_M, *PLAIN[:3], "-o", path, *words)
+        assert evocity.read_genome(path).settle == way
+
+
+def test_decode_settles_as_it_is_asked(tmp_path, town_file):
+    code, path = tmp_path / "g.parquet", tmp_path / "m.npy"
+    call("encode", town_file, *AT_2_M, "--settle", "roofs", "-o", code)
+    genome = evocity.read_genome(code)
+    ways = {(): "roofs", ("--settle",): True, ("--settle", "buildings"): True}
+    ways |= {("--settle", "roofs"): "roofs", ("--no-settle",): False}
+    for words, way in ways.items():
+        call("decode", code, "-o", path, *words)
+        heights = evocity.decode(genome, settle=way).city.heights
+        assert np.array_equal(np.load(path), heights)
+        call("decode", *words, code, "-o", path)
+        assert np.array_equal(np.load(path), heights)
+    assert evocity.read_genome(code) == genome
 
 
 def test_a_map_that_is_coded_without_loss_is_said_to_be_exact(tmp_path):
@@ -156,6 +188,7 @@ def test_encode_fits_the_attractor(tmp_path, town_file):
     [
         ((), {}),
         (("--no-settle",), {"settle": False}),
+        (("--settle", "roofs"), {"settle": "roofs"}),
         (("--block", "2-8", "--lifs", 300), {"block": (2, 8), "lifs": 300}),
         (("--max-error", 0.5, "--no-fit"), {"max_error": 0.5, "fit": False}),
         (("--block", "4"), {"block": 4}),

@@ -148,7 +148,7 @@ def test_the_recipe_runs_from_where_it_lies(night, tmp_path):
     assert (recipe.map.pixels, recipe.map.metres_per_pixel) == (128, 2.0)
     assert dict(recipe.operators) == plan_operators()
     assert recipe.search.settings | {"per_plan": 8, "twins": 0.005} == recipe.search.settings
-    usual = GenomeSection()
+    usual = GenomeSection(settle="roofs")
     assert recipe.genome == usual
     short = search.read_recipe(path, generations=1, population=6, workers=0)
     with search.Search(short, out=tmp_path / "run") as breeding:
@@ -167,7 +167,7 @@ def test_the_goals_are_the_users_and_the_guard_is_calibrated(night):
         evocity.read_map(path.parents[1] / f"{n}.npy", metres_per_pixel=2)
         for n in ("left", "right")
     ]
-    codes = [evocity.encode(city).genome for city in cities]
+    codes = [evocity.encode(city, settle="roofs").genome for city in cities]
     decoded = [decode(code).city for code in codes]
     goals = {one.measures[0].name: one for one in recipe.fitness if one.is_objective}
     assert list(goals) == ["tallest", "gsi"]  # of a file those that have a goal, if one has
@@ -238,6 +238,26 @@ def test_a_guard_that_is_a_goal_too_stands_once(towns, tmp_path):
 
 
 @pytest.mark.slow
+def test_bands_replace_the_guard_and_join_goals(towns, tmp_path):
+    words = (towns / "left.npy", "--pixels", 64, "--fitness", "gsi", "--fitness", "daylight")
+    bands = ("--band", "fsi", 2.1, 2.3, "--band", "gsi", 0, 0.42, "--band", "winter_sun", 2, 12)
+    result = call("recipe", "new", *words, *bands, "-o", tmp_path / "a.toml", "--json")
+    told = json.loads(result.stdout)
+    assert told["bounds"]["fsi"] == {"min": 2.1, "max": 2.3}
+    assert told["bounds"]["gsi"] == {"max": 0.42}  # 0 is the end of its range
+    assert told["bounds"]["winter_sun"] == {"min": 2.0}
+    assert set(told["values"]) >= {"fsi", "gsi", "winter_sun", "daylight", "integrity"}
+    entries = tomllib.loads((tmp_path / "a.toml").read_text())["fitness"]
+    assert len({one["name"] for one in entries}) == len(entries)
+    recipe = search.read_recipe(tmp_path / "a.toml")
+    goals = {one.measures[0].name: one for one in recipe.fitness if one.is_objective}
+    assert list(goals) == ["gsi", "daylight"]
+    assert goals["gsi"].max == 0.42
+    text = (tmp_path / "a.toml").read_text()
+    assert text.index('name = "fsi"') < text.index("-- the guard:")
+
+
+@pytest.mark.slow
 def test_what_is_undefined_of_a_parent_is_not_bounded(tmp_path):
     heights = np.zeros((64, 64))
     heights[8:24, 8:24] = heights[40:56, 30:50] = 9.0
@@ -285,6 +305,15 @@ def test_centers_are_of_the_map_files(tmp_path, towns):
         (("left.npy", "--fitness", "broken.py"), "out of sorts"),
         (("left.npy", "--fitness", "never.py"), "never is undefined for left (it never is)"),
         (("left.npy", "--fitness", "never.py"), "evocity score MAP --fitness never.py, or"),
+        (("left.npy", "--band", "no_such", 1, 2), "no measure is called 'no_such'"),
+        (("left.npy", "--band", "fsi", 2, 2), "--band fsi 2 2 is not a band"),
+        (("left.npy", "--band", "fsi", 2, "nan"), "--band fsi 2 nan is not a band"),
+        (
+            ("left.npy", "--band", "gsi", 0, 1),
+            "--band gsi 0 1 bounds nothing: values of gsi are 0…1",
+        ),
+        (("left.npy", "--band", "gsi", 2, 3), "--band gsi 2 3 bounds nothing"),
+        (("left.npy", *("--band", "gsi", 0.1, 0.3) * 2), "is the second band of gsi"),
         (("left.npy", "flat.npy"), "flat: the map (flat.npy) has no buildings"),
         (("left.npy", "flat.npy"), "the window with --center and --pixels, or"),
         (("left.npy", "--layer", "houses"), "--layer houses"),

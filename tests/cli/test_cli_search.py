@@ -219,6 +219,7 @@ def test_status_tells_where_a_run_is(finished):
         "stopped",
         "running",
         "seconds_left",
+        "unreachable",
         "front",
     }
     assert (told["generation"], told["births"], told["failures"]) == (2, 18, 0)

@@ -20,7 +20,7 @@ from evocity.fitness import (
     sky_view_factor,
     street_width,
 )
-from evocity.fitness.openness import _rays, sky_view
+from evocity.fitness.openness import cast_rays, sky_view
 
 MEASURES = (courtyard_index, open_space_connectivity, sky_view_factor, street_width)
 
@@ -138,7 +138,7 @@ def test_the_published_canyon():
 
 
 def test_rays_pass_the_pixels_they_pass():
-    starts, down, along, distance = _rays(30.0)
+    starts, down, along, distance = cast_rays(30.0)
     angles = []
     for d in range(16):
         ray = slice(starts[d], starts[d + 1])
@@ -156,7 +156,7 @@ def test_rays_pass_the_pixels_they_pass():
 
 @pytest.mark.parametrize("limit", [0.3, 0.5, 1.0, 1.2, 8.0])
 def test_there_are_always_sixteen_directions(limit):
-    starts, *_, distance = _rays(limit)
+    starts, *_, distance = cast_rays(limit)
     assert starts.size == 17
     assert np.all(distance < limit)
 
@@ -167,9 +167,29 @@ def test_the_sky_by_the_kernel_and_by_its_twin(shape, pixel):
     heights = np.random.default_rng(5).gamma(0.3, 20, shape).astype(np.float32)
     city = CityMap(heights, pixel)
     y, x = np.nonzero(np.ones(shape))
-    starts, down, along, distance = _rays(min(200 / pixel, math.hypot(*shape)))
+    starts, down, along, distance = cast_rays(min(200 / pixel, math.hypot(*shape)))
     expected = naive.sky_seen(heights, y, x, starts, down, along, 1 / (distance * pixel))
     assert sky_view(city, y, x) == pytest.approx(expected, abs=1e-6)
+
+
+def test_the_sky_is_that_of_many_fine_rays():
+    """120 azimuths in steps of a tenth of a pixel, in place of 16 along pixels: the definition of
+    Oke, which UMEP follows too."""
+    city = draw_town(5)
+    y, x = (axis[::29] for axis in np.nonzero(city.open_ground))
+    far = np.arange(0.05, 64, 0.1)
+    shares = []
+    for azimuth in np.arange(120) * np.pi / 60:
+        rows = np.floor(y[:, None] + 0.5 + far * np.sin(azimuth)).astype(int)
+        columns = np.floor(x[:, None] + 0.5 + far * np.cos(azimuth)).astype(int)
+        inside = (rows >= 0) & (rows < 64) & (columns >= 0) & (columns < 64)
+        heights = np.where(inside, city.heights[rows % 64, columns % 64], 0)
+        tangent = ((heights - city.heights[y, x][:, None]) / (2 * far)).max(axis=1).clip(0)
+        shares.append(1 / (1 + tangent**2))
+    truth = np.mean(shares, axis=0)
+    seen = sky_view(city, y, x)
+    assert seen.mean() == pytest.approx(truth.mean(), abs=0.01)
+    assert abs(seen - truth).max() < 0.15
 
 
 def test_every_fourth_pixel_says_what_all_say():

@@ -1,7 +1,6 @@
 """The picture of a grid: what lies where, and what is told of it."""
 
-import base64
-import io
+import json
 
 import numpy as np
 import pytest
@@ -68,7 +67,7 @@ def test_many_cells_are_colours(small, monkeypatch):
     bins = small.columns.grids[None]
     layout = room._Layout.of(bins)
     assert not layout.maps
-    monkeypatch.setattr(room, "map_of", None)  # no map is decoded
+    monkeypatch.setattr(room, "cities_of", None)  # no map is decoded
     births = bins.births.to_pydict()
     filled = set(zip(births["cell.gsi"], births["cell.fsi"], strict=True))
     picture = grid_picture(small)
@@ -112,15 +111,16 @@ def test_grids_of_any_size_are_drawn(small, monkeypatch):
         assert max(width, height) < 1800
 
 
-def test_the_report_has_the_picture_and_the_figures(small, tmp_path):
+def test_the_report_has_the_grid_and_the_figures(small, tmp_path):
     text = write_report(small.path, tmp_path / "report.html").read_text(encoding="utf-8")
-    part = text.split("<h2>The grid</h2>")[1].split("</section>")[0]
-    address = part.split('src="data:image/png;base64,')[1].split('"')[0]
-    shown = Image.open(io.BytesIO(base64.b64decode(address)))
-    assert shown.size == grid_picture(small).size
+    data = json.loads(text.split('id="page">')[1].split("</script>")[0])
+    told, grid = data["document"]["about"]["grid"], small.columns.grids[None].grid
+    assert told["counts"] == list(grid.counts)
+    assert told["edges"] == [grid.edges(axis).tolist() for axis in range(len(grid.counts))]
+    figures = {one["name"] for one in data["document"]["curves"] if one["group"] == "figure"}
     for name in ("coverage", "cells", "qd score"):
         assert f">{name}</abbr></dt>" in text
-        assert f'aria-label="{name} over generation"' in text
+        assert name.replace(" ", "_") in figures
 
 
 def test_status_and_show_tell_of_the_grid(small, tmp_path):

@@ -1,33 +1,31 @@
 """Values that no run should hold: the page stays a page."""
 
 import dataclasses
+import math
 
-import numpy as np
 import pytest
-from test_report import HOSTILE, Page, make_run
+from drawn_runs import HOSTILE, make_run
+from test_report import Page
 
 import evocity
-from evocity.report import summary, write_report
-from evocity.report.html import page_of
-from evocity.report.plots import Axis, Dots, curve, scatter
-from evocity.report.shown_births import Shown, ShownBirths
+from evocity.analysis.page import Page as RunPage
+from evocity.report import write_report
+from evocity.report.html import html_of
 from evocity.store import RunLog
 
 
 def test_whatever_stands_in_place_of_a_number_is_text(tmp_path, monkeypatch):
     folder = make_run(tmp_path / "run")
+    facts = RunPage(evocity.open_run(folder))
     state = RunLog(folder).status() | {"births": HOSTILE, "failures": HOSTILE}
     monkeypatch.setattr(RunLog, "status", lambda run: state | {"generation": HOSTILE})
-    monkeypatch.setattr(summary, "reasons", lambda run: "")
-    shown = ShownBirths(evocity.open_run(folder))
-    assert shown.living  # read while the header is the files' own
-    assert shown.births.history
-    assert len(shown.births)
-    assert not shown.broken
-    shown.run.header = dataclasses.replace(shown.run.header, seed=HOSTILE)
-    page = Page(page_of(shown))
-    assert page.scripts == 1  # our own
+    _ = facts.keep, facts.parents, facts.aims, facts.tables  # read while the header is its own
+    facts.run.header = dataclasses.replace(facts.run.header, seed=HOSTILE)
+    page = Page(html_of(facts))
+    assert page.scripts == 2  # our own, and the data
     assert page.words.count(HOSTILE) == 4
+    figures = page.data["document"]["summary"]["figures"]
+    assert [one["value"] for one in figures].count(HOSTILE) == 4
 
 
 @pytest.mark.parametrize(
@@ -35,39 +33,39 @@ def test_whatever_stands_in_place_of_a_number_is_text(tmp_path, monkeypatch):
 )
 def test_hostile_bounds_are_none(tmp_path, told):
     folder = make_run(tmp_path / "run")
-    shown = ShownBirths(evocity.open_run(folder))
-    name = shown.run.header.measures[0]
+    facts = RunPage(evocity.open_run(folder))
+    name = facts.run.header.measures[0]
     stated = {"name": name, "min": told, "max": told, "target": told, "objective": "a\n\x1b[31mb"}
-    shown.run.provenance["fitness"] = [stated, {"name": [name]}, 3]
-    aim = shown.births.aims[0]
+    facts.run.provenance["fitness"] = [stated, {"name": [name]}, 3]
+    facts.run.columns.__dict__.pop("aims", None)
+    aim = facts.run.columns.aims[0]
     assert (aim.target, aim.low, aim.high) == (None, None, None)
     assert aim.total == "a[31mb"
-    assert not shown.broken
+    assert facts.run.columns.feasible.all()
     assert write_report(folder).is_file()
 
 
 def test_cards_hold_text_alone(tmp_path):
-    shown = ShownBirths(evocity.open_run(make_run(tmp_path / "run")))
-    one = shown.shown[0]
-    shown.__dict__["shown"] = [Shown(one.birth, HOSTILE, one.city)]
-    object.__setattr__(one.birth, "generation", HOSTILE)
-    object.__setattr__(one.birth, "parents", (HOSTILE,))
-    page = Page(page_of(shown))
-    assert page.scripts == 1
-    assert HOSTILE in "".join(page.cards[f"i{one.birth.id}"])
+    facts = RunPage(evocity.open_run(make_run(tmp_path / "run")))
+    card = facts.keep[0]
+    hostile = dict.fromkeys(("role", "why", "scarce", "operator", "command"), HOSTILE)
+    card |= hostile | {"generation": HOSTILE, "parents": [HOSTILE]}
+    page = Page(html_of(facts))
+    assert page.scripts == 2
+    assert "".join(page.cards[f"keep-{card['id']}"]).count(HOSTILE) == 7
     assert all(source.startswith("data:image/png") for source in page.fetched)
 
 
-@pytest.mark.parametrize("huge", [1e308, 1.7e308, float("inf")])
-def test_huge_values_are_left_out_of_plots(huge):
-    values = np.array([1.0, -huge, huge, 2.0])
-    for drawing in (
-        scatter([Dots(values, values, "front")], Axis("x", target=huge), Axis("y")),
-        curve([*values, None], Axis("y", target=-huge)),
-    ):
-        assert "inf" not in drawing
-        assert "nan" not in drawing
-    assert scatter([Dots(values, values, "front")], Axis("x"), Axis("y")).count("<circle") == 2
+@pytest.mark.parametrize("huge", [1e308, -1.7e308, float("inf"), float("nan")])
+def test_huge_values_are_numbers_or_nothing(tmp_path, huge):
+    facts = RunPage(evocity.open_run(make_run(tmp_path / "run")))
+    for one in facts.run.columns.history:
+        one["hypervolume"] = huge
+    (curve,) = [one for one in facts.curves if one["group"] == "hypervolume"]
+    assert curve["values"] == [huge if math.isfinite(huge) else None] * 3
+    (row, *_) = facts.tables[-1]["rows"]
+    assert row[3] == (huge if math.isfinite(huge) else None)
+    assert Page(html_of(facts)).data["document"]["curves"]
 
 
 def test_a_deeply_nested_recipe_is_no_recipe(tmp_path):

@@ -18,12 +18,13 @@ from test_search_run import rows, run, started
 from toy_runs import append_events, unsealed
 
 import evocity
+from evocity.analysis.page import Page
+from evocity.analysis.page.islands import Islands
 from evocity.cli import main
 from evocity.cli.shared.search_progress import progress_line
 from evocity.errors import RecipeError, RunError
 from evocity.recipe.islands import MigrationSection
 from evocity.report import write_report
-from evocity.report.islands import Islands
 from evocity.search import Search, archive, read_recipe
 from evocity.search.breeding.archipelago import Archipelago
 from evocity.search.record import commands
@@ -561,8 +562,9 @@ def test_status_and_report_tell_of_each_island(toy, tmp_path):
     assert "coverage" in cells
     assert "best spread" in cells
     page = write_report(out).read_text()
-    assert "<h2>Islands</h2>" in page
-    assert "<h2>The grid of cells</h2>" in page
+    assert "<h3>islands</h3>" in page
+    facts = Page(evocity.open_run(out))
+    assert facts.about["grid"]["island"] == "cells"
     assert "mutation 3, pavement_fusion 1" in page
     opened = evocity.open_run(out)
     islands = Islands(opened)
@@ -579,9 +581,10 @@ def test_status_and_report_tell_of_each_island(toy, tmp_path):
     for pair, counts in sent.items():
         of = [one for one in moves(out) if (one["from"], one["to"]) == pair]
         assert counts == tuple(sum(len(one[key]) for one in of) for key in ("ids", "stayed"))
-    assert [volumes[-1] for _, volumes in islands.volumes] == [
-        told["islands"][name]["hypervolume"] for name in islands.names
-    ]
+    curves = {one["name"]: one for one in facts.curves if one["group"] == "island"}
+    assert {name: one["values"][-1] for name, one in curves.items()} == {
+        name: told["islands"][name]["hypervolume"] for name in islands.names
+    }
 
 
 def test_the_line_that_shows_a_run_tells_of_islands(toy):
@@ -604,7 +607,7 @@ def test_a_report_of_a_stranger_s_islands_is_no_harm(toy, tmp_path):
     for moved in (3, [5], [{"from": "<script>", "to": [], "ids": "all"}]):
         append_events(out, {"event": "migration", "generation": 1, "moves": moved})
     page = write_report(out).read_text()
-    assert "<h2>Islands</h2>" in page
+    assert "<h3>islands</h3>" in page
     assert "<script>'" not in page
     assert "&lt;script&gt;" in page
     assert json.loads(status(out, "--json"))["generation"] == 3

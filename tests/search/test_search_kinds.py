@@ -81,6 +81,10 @@ def test_commands_take_it(run, tmp_path):
     told = CliRunner().invoke(main, ["decode", out, "--id", "7", "--zoom", "2", "-o", "x.npy"])
     assert told.exit_code == 2
     assert f"--zoom 2.0 cannot be used with a {kind}" in told.output
+    words = ["decode", out, "--id", "7", "--no-settle", "-o", "x.npy"]
+    told = CliRunner().invoke(main, words)
+    assert told.exit_code == 2
+    assert f"--no-settle cannot be used with a {kind}" in told.output
     run[7].save(tmp_path / "one.parquet")
     told = CliRunner().invoke(
         main, ["show", str(tmp_path / "one.parquet"), "-o", str(tmp_path / "again.png")]

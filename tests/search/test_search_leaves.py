@@ -76,6 +76,34 @@ def test_roofs_are_left_as_they_are_if_the_recipe_says_so(leafy, tmp_path):
         )
 
 
+@pytest.mark.slow
+def test_roofs_settle_one_by_one_if_the_recipe_says_so(leafy, tmp_path):
+    recipe = leafy('lifs = 500\nsettle = "roofs"', generations=2)
+    run(recipe, tmp_path / "whole", workers=0)
+    run(recipe, tmp_path / "parted", workers=0, generations=1)
+    with Search.resume(tmp_path / "parted", workers=2, generations=2) as search:
+        list(search)
+    assert rows(tmp_path / "parted") == rows(tmp_path / "whole")
+    log = RunLog(tmp_path / "whole")
+    assert (log.header.settle, log.header.schema_version) == ("roofs", 11)
+    births = log.individuals(log.births()["id"].to_pylist())
+    assert {one.genome.settle for one in births} == {"roofs"}
+    for one in births:
+        city = evocity.decode(one.genome, settle="roofs").city
+        assert one.values["roof"] == pytest.approx(float(city.heights.mean()), abs=0)
+    assert not rows_alike(births)
+
+
+def rows_alike(births) -> bool:
+    """Whether all births look alike with settled roofs and with settled buildings."""
+    return all(
+        np.array_equal(
+            *(evocity.decode(one.genome, settle=how).city.heights for how in ("roofs", True))
+        )
+        for one in births
+    )
+
+
 def test_surroundings_decide_if_the_recipe_says_so(leafy, tmp_path):
     lines = "block = 4\nfit = false\ntopological = 0.2"
     run(leafy(lines, generations=0), tmp_path / "run", workers=0)

@@ -107,6 +107,7 @@ def test_all_faults_at_once(toy):
         ("fit = false", "fit = 'yes'", "genome.fit"),
         ("fit = false", "domains = [40]", "genome.domains"),
         ("fit = false", "settle = 1", "genome.settle"),
+        ("fit = false", "settle = 'walls'", "genome.settle"),
         ("fit = false", "topological = 'near'", "genome.topological"),
         ("fit = false", "topological = 1.5", "genome.topological"),
         ("fit = false", "sigma_max = 0.0", "genome.sigma_max"),

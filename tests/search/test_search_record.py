@@ -15,12 +15,14 @@ from toy_runs import unsealed
 import evocity
 from evocity import fitness
 from evocity.analysis.goals import recorded_of
+from evocity.analysis.page import Page
+from evocity.analysis.thumbnails import cities_of
 from evocity.coding import decode
 from evocity.errors import RunError
 from evocity.evaluation.evaluator import Evaluator
 from evocity.fitness import registry
 from evocity.report import unrecorded, write_report
-from evocity.report.shown_births import ShownBirths
+from evocity.report.html import other_measures
 from evocity.search import Search, archive, read_recipe
 from evocity.search.preparation.preparation import prepare
 from evocity.store import Header, RunLog
@@ -90,20 +92,19 @@ def test_goals_fronts_and_the_archive_do_not_see_them(toy, tmp_path, finished_ru
 @pytest.mark.slow
 def test_the_report_tells_them_as_recorded(toy, tmp_path):
     run(recording(toy, '["fsi"]'), tmp_path / "run", workers=0)
-    shown = ShownBirths(evocity.open_run(tmp_path / "run"))
-    assert [aim.name for aim in shown.births.aims] == ["spread", "roof"]
-    births = [one.birth for one in shown.shown[:1]]
-    (others,) = shown.unlogged(births).values()
+    shown = Page(evocity.open_run(tmp_path / "run"))
+    assert [aim.name for aim in shown.run.aims] == ["spread", "roof"]
+    first = shown.keep[0]["id"]
+    (others,) = other_measures(shown, cities_of(shown.run.columns, [first])).values()
     assert others
     assert "fsi" not in [one[0] for one in others]
     page = write_report(tmp_path / "run").read_text()
     assert re.search(r"<td>fsi</td><td></td><td>recorded</td>", page)
+    assert page.count('<th scope="row">fsi<small>recorded</small>') == len(shown.keep)
     folded = [part.split("</details>")[0] for part in page.split("<details>")[1:]]
     cell = '<th scope="row">fsi</th>'
     assert not any(cell in part for part in folded)
-    count = len(shown.shown) + len(shown.shown_gone) + len(shown.sources)
-    assert page.count(cell) == count
-    assert page.count('<th scope="row">fsi<small>recorded</small></th>') == len(shown.shortlist)
+    assert page.count(cell) == len(shown.parents)
 
 
 @pytest.mark.parametrize("workers", [0, 2])

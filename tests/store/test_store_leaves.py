@@ -215,7 +215,8 @@ def test_the_genome_file_itself_is_read(tmp_path):
 
 
 def test_what_older_releases_can_hold_is_written_for_them(tmp_path):
-    """Uniform, not settled, stones of whole range blocks, none turned: schema 1; else 3."""
+    """Uniform, not settled, stones of whole range blocks, none turned: schema 1; settled roofs: 4;
+    else 3."""
     pavement = draw_pavement(1, finest=4, root=4)
     corners = packed(*(corner[::-1] for corner in pavement.corners))
     plain = draw_leaves(1, pavement, cities=1)
@@ -225,6 +226,7 @@ def test_what_older_releases_can_hold_is_written_for_them(tmp_path):
     for genome, version in (
         (plain, b'"schema_version": 1'),
         (plain.replace(settle=True), b'"schema_version": 3'),
+        (plain.replace(settle="roofs"), b'"schema_version": 4'),
         (plain.replace(turn=np.ones(len(pavement), int)), b'"schema_version": 3'),
         (plain.replace(source=corners + 1), b'"schema_version": 3'),
         (plain.replace(part=plain.part / 2), b'"schema_version": 3'),

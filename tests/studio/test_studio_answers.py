@@ -18,7 +18,8 @@ from toy_runs import unsealed
 from written_runs import written
 
 import evocity
-from evocity.analysis.view_table import ViewTable
+from evocity.analysis.page import Page
+from evocity.analysis.page.page import PARTS
 from evocity.coding.usage import usage
 from evocity.errors import EvocityError, RunError
 from evocity.search.preparation.trust import state_folder
@@ -42,7 +43,7 @@ def test_runs_of_every_release_are_told_as_the_library_tells_them(path, tmp_path
     with running_server(folder) as server:
         client = opened(server)
         about, content = client.get("/api/0/births").framed
-        viewed = ViewTable(run)
+        viewed = Page(run, folder=str(folder))
         assert content == viewed.table.buffer
         assert about["columns"] == viewed.table.about["columns"]
         assert about["generation"] == run.generations[-1]
@@ -52,11 +53,9 @@ def test_runs_of_every_release_are_told_as_the_library_tells_them(path, tmp_path
             assert values == one.scores
             assert told["parents"] == [parent.id for parent in one.parents]
             assert (told["operator"], told["status"]) == (one.operator, one.status)
-            pedigree = client.get(f"/api/0/pedigree?id={one.id}&steps=6").json
-            rows = viewed.run.pedigree.ancestors(run.columns.rows([one.id]), 6)
-            shown = {id for step in pedigree["steps"] for id in step}
-            assert len(shown) + sum(pedigree["more"]) == len(rows)
-            assert shown <= set(run.columns.ids[rows].tolist())
+        for name in PARTS:
+            told = client.get(f"/api/0/part?name={name}").json["value"]
+            assert told == json.loads(json.dumps(viewed.part(name)))
         ids = [0, 3, 999_999, 5]
         sheet, image = client.get("/api/0/tiles?ids=0,3,999999,5&side=96").framed
         assert sorted([*sheet["tiles"], *(one for one, _ in sheet["lacking"])]) == [0, 3, 5]
@@ -210,6 +209,7 @@ def test_a_run_that_grows_is_followed_each_birth_once(tmp_path, unwaited):
         news = clients[0].get("/api/0/changes?after=4").json
         assert news == {
             "run": called.pop(), "generation": 4, "going": False, "problem": None, "more": False,
+            "seconds_left": None, "unreachable": [],
         }  # fmt: skip
 
 
@@ -306,7 +306,7 @@ def test_strange_texts_arrive_as_texts(tmp_path):
         client = opened(server)
         assert client.get("/api/0/one?id=0").json["operator"] == HOSTILE
         told = client.get("/api/0/one?id=1").json
-        assert (told["error"], told["pictured"]) == (HOSTILE, False)
+        assert (told["error"], told["pictured"], told["fabric"]) == (HOSTILE, False, True)
         assert client.get("/api/0/picture?id=1&kind=map").status == 409
         told = client.get("/api/0/births")
         assert told.headers["content-type"] == "application/octet-stream"

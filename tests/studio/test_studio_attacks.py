@@ -116,7 +116,9 @@ def test_another_site_is_refused(attacked, headers, method):
         "=;=;,",
     ],
 )
-@pytest.mark.parametrize("path", ["/", "/api/0/births", "/api/0/picks", "/page/studio.js"])
+@pytest.mark.parametrize(
+    "path", ["/", "/api/0/births", "/api/0/picks", "/api/modeller", "/page/studio.js"]
+)
 def test_without_the_cookie_nothing_is_told(attacked, cookie, path):
     secret = attacked.cookie.partition("=")[2]
     token = attacked.server.url.partition("token=")[2]
@@ -215,6 +217,8 @@ def test_what_is_no_address_of_the_table_is_nothing(attacked, path):
         ("GET", "/api/desk-file", 405),
         ("PUT", "/api/desk-file", 405),
         ("GET", "/api/desk-begin", 405),
+        ("GET", "/api/modeller-use", 405),
+        ("POST", "/api/modeller", 405),
         ("GET", "/api/0/resume", 405),
         ("POST", "/api/desk", 405),
     ],
@@ -310,6 +314,8 @@ def test_a_file_is_taken_from_the_page_alone(attacked, headers, status):
         (f"{ADDRESS}?name={'a' * 3000}.geojson", 400),
         (f"{ADDRESS}?name={'a' * 5000}.geojson", 414),
         (f"{ADDRESS}?name=..%2F..%2Fsecret.txt", 409),
+        (f"{ADDRESS}?area=1", 400),
+        (f"{ADDRESS}?area=1&name=..%2F..%2Fsecret.txt", 409),
         (f"{ADDRESS}/secret.geojson?name=a.geojson", 415),
         ("/api/0/desk-file?name=a.geojson", 415),
         ("/api/desk-change?name=a.geojson", 415),
@@ -341,12 +347,10 @@ def test_nothing_is_begun_by_a_word_of_a_page(attacked, name, body):
     assert attacked.get("/api/desk").json["started"] == []
 
 
-@pytest.mark.parametrize(
-    "question",
-    ["desk-picture", "desk-picture?map=..%2Fsecret", "desk-picture?map=-1", "desk-picture?map=99"],
-)
-def test_pictures_of_maps_are_asked_for_by_number(attacked, question):
-    assert attacked.get(f"/api/{question}").status == 400
+@pytest.mark.parametrize("name", ["desk-picture", "desk-overview"])
+@pytest.mark.parametrize("query", ["", "?map=..%2Fsecret", "?map=-1", "?map=99"])
+def test_pictures_of_maps_are_asked_for_by_number(attacked, name, query):
+    assert attacked.get(f"/api/{name}{query}").status == 400
 
 
 #: What the page asks for when something is drawn, and what it draws.
@@ -442,6 +446,10 @@ def test_what_is_beside_and_is_no_birth_is_told(attacked):
         "buildings?id=99999&of=area",
         "picture?id=3&kind=map&beside=99999",
         "calls?id=3&count=ranges&beside=99999",
+        'filtered?request={"id":99999}',
+        'filtered?request={"id":3,"beside":99999,"share":0.5}',
+        'field?request={"ids":[99999],"place":0,"measure":"mean"}',
+        'grown?request={"id":3}',
     ):
         told = attacked.get(f"/api/0/{question}")
         assert told.status == 409
@@ -472,7 +480,9 @@ def test_a_question_with_a_body_is_refused(attacked):
         "/api/0/one?id=99999999999999999999",
         "/api/0/picture?id=3&kind=../map",
         "/api/0/picture?id=3",
-        "/api/0/pedigree?id=3&steps=1000000",
+        "/api/0/part?name=__dict__",
+        "/api/0/part?name=../keep",
+        "/api/0/part",
         "/api/0/tiles?ids=&side=96",
         "/api/0/tiles?ids=1,,2&side=96",
         "/api/0/tiles?ids=../1&side=96",
@@ -488,6 +498,11 @@ def test_a_question_with_a_body_is_refused(attacked):
         "/api/0/picture?id=3&kind=map&beside=-2",
         "/api/0/solids",
         "/api/0/solids?id=3.obj",
+        "/api/0/solids?id=3&library=../objects",
+        "/api/0/filtered",
+        '/api/0/filtered?request={"id":3,"zoom":1e9}',
+        '/api/0/field?request={"ids":[3],"place":0,"measure":"city"}',
+        '/api/0/grown?request={"id":3,"times":1000000}',
         "/api/0/difference?id=3",
         "/api/0/difference?id=3&beside=",
         "/api/0/difference?id=3&beside=1e3",

@@ -5,7 +5,6 @@ import io
 import numpy as np
 import pytest
 from PIL import Image
-from written_runs import written
 
 import evocity
 from evocity.citymap import CityMap
@@ -14,7 +13,7 @@ from evocity.pictures import Change, render_change
 from evocity.pictures.colours import change_colours, scale_end
 from evocity.scene import Scene
 from evocity.studio import birth_details as ones
-from evocity.studio.birth_details import MOST_POINTS, Solids, count_ancestors, pedigree_of
+from evocity.studio.birth_details import MOST_POINTS, Solids
 from evocity.studio.run_watcher import RunWatcher
 
 CITY = CityMap(np.array([[0, 6, 0], [9, 9, 0]], np.float32), 2.0, name="a", attribution="© A")
@@ -90,7 +89,8 @@ def test_solids_are_the_scenes_triangles_and_are_made_once(asked, night, monkeyp
     run = evocity.open_run(night)
     highest = RunWatcher(night).moment.thumbnails.highest
     for one in (3, 20):
-        content = asked.get(f"/api/0/solids?id={one}").content
+        about, content = asked.get(f"/api/0/solids?id={one}").framed
+        assert about["groups"] == [] or about["groups"][0][0] == "ground"
         corners, colours = run[one].scene().triangles(highest=highest)
         count = len(colours)
         assert len(content) == 39 * count > 0
@@ -98,7 +98,7 @@ def test_solids_are_the_scenes_triangles_and_are_made_once(asked, night, monkeyp
         assert np.array_equal(seen, corners)
         assert content[36 * count :] == colours.tobytes()
     monkeypatch.setattr(Scene, "triangles", None)  # they are at hand
-    assert asked.get("/api/0/solids?id=20").content == content
+    assert asked.get("/api/0/solids?id=20").framed[1] == content
     monkeypatch.undo()
     monkeypatch.setattr(ones, "MOST_TRIANGLES", 10)
     told = asked.get("/api/0/solids?id=5")
@@ -112,7 +112,7 @@ def test_solids_of_many_births_are_not_all_kept(night, monkeypatch):
     first = found.of(3)
     for one in (5, 3, 20):
         found.of(one)
-    assert [one for _, one in found._kept] == [3, 20]
+    assert [one for _, one, _ in found._cache._kept] == [3, 20]
     assert found.of(3) == first
 
 
@@ -124,34 +124,3 @@ def test_a_failed_birth_has_no_buildings_and_no_difference(asked, night):
         told = asked.get(f"/api/0/{question}")
         assert told.status == 409
         assert set(told.json["error"]) == {"found", "expected", "remedy"}
-
-
-def test_all_ancestors_are_counted_when_they_were_born(asked, night):
-    run = evocity.open_run(night)
-    for n in (0, 3, int(run.columns.ids[-1])):
-        told = asked.get(f"/api/0/pedigree?id={n}&steps=6").json
-        every = [k for k in run.ancestors(n)["id"].to_pylist() if k != n]
-        right = np.bincount(run.columns.generation[run.columns.rows(every)]) if every else [0]
-        assert told["born"]["span"] == 1
-        assert told["born"]["every"] == list(right)
-        shown = {k for step in told["steps"][1:] for k in step}
-        assert sum(told["born"]["shown"]) == len(shown)
-        assert (np.array(told["born"]["shown"]) <= told["born"]["every"]).all()
-
-
-def test_a_long_pedigree_is_counted_in_spans_and_reads_no_genome(tmp_path, monkeypatch):
-    """A chain of 40 generations."""
-    born = [[{"id": 0, "operator": "source"}, {"id": 1, "operator": "source"}]]
-    born += [[{"id": n, "parents": (n - 1,), "operator": "mutation"}] for n in range(2, 42)]
-    moment = RunWatcher(written(tmp_path / "run", born).path).moment
-    monkeypatch.setattr(ones, "MOST_SPANS", 15)
-    for name in ("individuals", "genome"):
-        monkeypatch.setattr(type(moment.run), name, None)
-    told = pedigree_of(moment, 41, 6)["born"]
-    assert told["span"] == 3
-    assert len(told["every"]) == len(told["shown"]) == 14
-    assert (sum(told["every"]), sum(told["shown"])) == (40, 6)
-    assert told["every"][1:] == [3] * 12 + [1]
-    assert told["shown"] == [0] * 11 + [2, 3, 1]
-    nothing = np.array([], int)
-    assert count_ancestors(nothing, nothing) == {"span": 1, "every": [0], "shown": [0]}

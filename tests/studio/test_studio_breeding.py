@@ -356,11 +356,9 @@ def test_one_brood_at_a_time_in_workers_that_end_with_the_server(tmp_path):
             409,
             "one group of children at a time",
         )
-        refused = client.post("/api/1/ready", {})
-        assert (refused.status, refused.json["error"]["expected"]) == (
-            409,
-            "one group of children at a time",
-        )
+        waiting = client.post("/api/1/ready", {})
+        assert (waiting.status, waiting.json["waits"]) == (200, True)
+        assert client.post("/api/0/ready", {"board": True}).json["waits"]
         seen = set()
         while (told := client.get("/api/0/brood").json)["busy"]:
             seen |= {one["stage"] for one in told["children"]}
@@ -437,11 +435,79 @@ def test_who_is_no_birth_is_no_parent(asked, parents):
 
 
 def test_every_operator_is_told_with_its_parameters(asked):
-    told = {one["name"]: one for one in asked.get("/api/operators").json["operators"]}
+    told = {one["name"]: one for one in asked.get("/api/0/operators").json["operators"]}
     assert set(told) == set(evocity.operators.operators())
     fusion = told["quarter_fusion"]
-    assert fusion["fewest"] == 2
+    assert fusion["reason"] == "it needs 2 or more parents"
     assert {"name": "density", "default": "0.5"} in fusion["parameters"]
     for one in told.values():
         for parameter in one["parameters"]:
             json.loads(parameter["default"])
+
+
+def test_operators_that_do_not_suit_the_picks_say_why(asked, toy, here):
+    """Each of those that suit breeds a child; the others are refused before they fail."""
+    listed = asked.get("/api/0/operators?ids=3,20").json["operators"]
+    reasons = {one["name"]: one["reason"] for one in listed}
+    of_fabric = set(evocity.operators.operators(["fabric"]))
+    for name, reason in reasons.items():
+        assert (name in of_fabric) != ("not city fabrics" in reason)
+    assert {name for name in of_fabric if reasons[name]} == {"plan_spread", "plan_return"}
+    breeding = Breeding()
+    suiting = [name for name, reason in reasons.items() if not reason]
+    moment = RunWatcher(toy).moment
+    for names in (suiting[:12], suiting[12:]):
+        children = bred(breeding, moment, operators=tuple(names), parents=(0, 1), count=len(names))
+        assert [one.operator.name for one in children if one.stage != "measured"] == []
+    for name in set(reasons) - set(suiting):
+        with pytest.raises(OperatorError, match=f"the operator {name} does not suit"):
+            breeding.begin(Brood(operators=(name,), parents=(0, 1), count=1), moment)
+    filled = bred(breeding, moment, operators=("plan_fusion",), parents=(0, 1), count=1)[0].genome
+    if filled.made["faces"]:
+        kind = evocity.operators.operators()["plan_return"]
+        assert evocity.operators.reason_against(kind, ["fabric"], [filled]) == ""
+    breeding.close()
+
+
+def test_a_field_that_changes_nothing_says_why(toy, here):
+    moment, breeding = RunWatcher(toy).moment, Breeding()
+    parents, side = [moment.run.genome(n) for n in (0, 1)], 8
+    field = evocity.operators.make
+
+    def reason(values, genomes=parents, **more) -> str:
+        return field("lambda_field", side=side, values=values, **more).reason_unchanged(genomes)
+
+    none, low, all_of = ([value] * side**2 for value in (0, 0.001, 1))
+    assert reason(none) == "λ is 0 everywhere"
+    assert reason(low).startswith("λ is at most 0.00 in street blocks that first change at ")
+    assert reason(all_of) == ""
+    assert "no large street block" in reason(all_of, area_min=1e6)
+    bare = parents[0].replace(beta=parents[0].beta * 0, sigma=parents[0].sigma * 0)
+    assert reason(all_of, [parents[0], bare]).startswith("no buildings of the other parents fit")
+    asked = {"operators": ("lambda_field",), "parents": (0, 1), "count": 1, "board": True}
+    for values, unchanged in ((none, "λ is 0 everywhere"), (all_of, None)):
+        parameters = {"side": side, "values": values}
+        (child,) = bred(breeding, moment, **asked, parameters=parameters)
+        assert child.state["unchanged"] == unchanged
+    breeding.close()
+
+
+def test_the_lock_of_a_drawing_is_hatched_on_its_child(toy, here):
+    moment, breeding = RunWatcher(toy).moment, Breeding()
+    mask = np.zeros((64, 64), bool)
+    mask[:20] = True
+    asked = {"operators": ("mutation",), "parents": (0,), "count": 1}
+    pictures = []
+    for drawing in (None, {"locked": squares(mask)}):
+        bred(breeding, moment, **asked, drawing=drawing)
+        child = breeding.child(breeding.number, 0)
+        pictures.append(np.asarray(breeding.picture(breeding.number, 0)))
+        child.city = moment.run[0].city  # the same map
+        pictures[-1] = np.asarray(breeding.picture(breeding.number, 0))
+    changed = np.abs(pictures[0].astype(int) - pictures[1]).sum(axis=2) > 0
+    rows, columns = np.nonzero(changed)
+    zoom = 5  # the map has 64 px
+    assert np.ptp(rows) == 20 * zoom - 1
+    assert np.ptp(columns) == 64 * zoom - 1
+    assert 0.1 < changed.sum() / mask.sum() / zoom**2 < 0.5
+    breeding.close()

@@ -23,7 +23,8 @@ import evocity
 from evocity.errors import EvocityError, RunError
 from evocity.search.calibration.calibration import GUARD
 from evocity.studio import desk_maps, guard
-from evocity.studio.desk import BeginRequest, Draft, MapNumber
+from evocity.studio.desk import BeginRequest, MapNumber
+from evocity.studio.desk_draft import Draft
 from evocity.studio.desk_maps import MapChoice, Maps, Window
 from evocity.studio.request_fields import RequestError, parse_body
 from evocity.studio.server import running_server
@@ -292,7 +293,12 @@ def test_the_fault_of_a_map_that_was_taken_away_is_no_others(laid):
         {"maps": [{"map": 0}, {"map": 0}]},
         {"maps": [{"map": 0, "map_file": "/etc/passwd"}]},
         {"maps": [{"map": "../../x.geojson"}]},
-        {"maps": [{"map": 0, "center": [200, 0]}]},
+        {"maps": [{"map": 0, "at": [1e9, 0]}]},
+        {"maps": [{"map": 0, "center": [4, 45]}]},
+        {"lock": {"map": 0, "shapes": [[[0, 0], [1, 1]]]}},
+        {"lock": {"map": 0, "file": 0}},
+        {"within": {"map": 99}},
+        {"within": {"map": 0, "shapes": [], "path": "/etc/passwd"}},
         {"notify": {"on_end": "touch x"}},
         {"cluster": "tcp://evil.example:1"},
     ],
@@ -321,7 +327,8 @@ def test_a_draft_names_no_file_and_nothing_that_is_not_there(client, wrong):
             "width of the square map in pixels = 1",
             "8 to",
         ),
-        ({"maps": [{"map": 0, "center": [200, 0]}]}, "centre = 200", "longitude"),
+        ({"maps": [{"map": 0, "at": [1e9, 0]}]}, "place of the window = ", "metres"),
+        ({"maps": [{"map": 0, "attribution": "x" * 100_000}]}, "attribution = 'xx", "1 to 1000"),
         ({"maps": [{"map": 0, "default_height": 0}]}, "default height = 0", "metres"),
         ({"goals": [{"measure": "gsi", "want": "target", "target": "a"}]}, "target = 'a'", "a num"),
     ],
@@ -530,7 +537,7 @@ def test_measures_of_a_file_come_from_the_command_line_alone(two, tmp_path):
         client.post("/api/desk-calibrate", {})
         told = wait(client, lambda one: one["found"] or one["fault"])
         assert told["fault"] is None
-        assert told["said"][-1] == "breeding a few, to tell how long it takes"
+        assert told["said"][-1] == "breeding trial children to estimate the duration"
         wait(client, lambda one: not one["busy"])
         assert (
             desk(client)["found"]["text"] == told["found"]["text"]
@@ -543,6 +550,8 @@ def test_measures_of_a_file_come_from_the_command_line_alone(two, tmp_path):
         assert {one["name"] for one in raw["fitness"][3:]} <= set(GUARD)
         assert raw["run"]["generations"] == told["found"]["generations"] > 1
         assert 30 < told["found"]["duration"] <= 61
+        words = "gsi: 0.25 is less than any parent has"  # told before the night
+        assert any(note.startswith(words) for note in told["found"]["notes"])
         first, second, third = raw["fitness"][:3]
         assert (first["file"], first["target"] > 0) == (str(file), True)
         assert second == {"name": "gsi", "target": 0.25}

@@ -96,12 +96,12 @@ def desk(browser, tmp_path):
         until(page, "document.querySelectorAll('.evocity-cards li').length === 1")
         brought = {"name": f"{HOSTILE}.geojson", "mimeType": "text/plain", "buffer": first.encode()}
         page.set_input_files("#desk input[type=file]", brought)
-        kept = "&& studio.desk.uploadStatus.textContent.endsWith('on the desk')"
+        kept = "&& studio.desk.cards.status.textContent.endsWith('on the desk')"
         until(page, f"document.querySelectorAll('.evocity-cards li').length === 2 {kept}")
         page.evaluate(DROPPED, [["second.geojson", second]])
         until(page, f"document.querySelectorAll('.evocity-cards li').length === 3 {kept}")
         page.evaluate(DROPPED, [["third.shp", "x"], ["third.dbf", "x"]])  # all are told of
-        told = "studio.desk.uploadStatus.textContent.includes"
+        told = "studio.desk.cards.status.textContent.includes"
         until(page, f"{told}('third.shp') && {told}('third.dbf') && {told}('Shapefile')")
         page.evaluate("() => { studio.desk.longest = 2000; }")
         page.evaluate(DROPPED, [["long.geojson", " " * 2001]])  # which is not even sent
@@ -146,7 +146,7 @@ def desk(browser, tmp_path):
 @pytest.mark.slow
 def test_files_are_brought_and_measures_chosen_by_keys(browser, tmp_path):
     with desk(browser, tmp_path) as (page, _):
-        wanted = page.evaluate("() => studio.desk.goalChoices")
+        wanted = page.evaluate("() => studio.desk.goals.choices")
         assert [(one["measure"], one["want"]) for one in wanted][-1] == ("gsi", "max")
         page.reload()  # nothing is lost
         until(page, "document.querySelectorAll('.evocity-cards li').length === 3")
@@ -162,6 +162,18 @@ def test_files_are_brought_and_measures_chosen_by_keys(browser, tmp_path):
         until(page, "document.getElementById('trouble').textContent.includes('not made a recipe')")
         page.evaluate(TOLD, [["old", 3, True, None], ["new", None, False, None]])
         assert page.evaluate("shown") == []
+
+        # the pressed button has the progress beside it, until the run has a generation
+        page.evaluate(TOLD, [["old", 3, True, None]])
+        beside = page.locator(".evocity-go + span").first
+        page.evaluate(
+            """() => studio.desk.starts.follow(
+              { folder: "new", name: "new" }, document.querySelector(".evocity-go + span"))"""
+        )
+        page.evaluate(TOLD, [["old", 3, True, None], ["new", None, False, None]])
+        assert beside.inner_text() == "new: new says"
+        page.evaluate(TOLD, [["old", 3, True, None], ["new", None, False, 1]])
+        assert "failed" in beside.inner_text()
 
         # who left the desk is not taken away from what is looked at
         page.evaluate("() => { studio.desk.starts.waits = 'new'; studio.desk.show(false); }")
@@ -183,7 +195,7 @@ def test_files_are_brought_and_measures_chosen_by_keys(browser, tmp_path):
           const { desk } = studio, state = JSON.parse(desk.stateText), at = state.maps[0];
           at.fault = found && { found, expected: "a map", remedy: "another" };
           tell({ ...state, usual: `${state.usual}x` }); // something else is new too
-          const { more } = desk.cards.get(at.map), isOpen = more.open;
+          const { more } = desk.cards.cards.get(at.map), isOpen = more.open;
           more.open = false;
           return isOpen;
         }"""
@@ -226,7 +238,7 @@ def test_two_files_become_a_night_by_keys(browser, tmp_path):
         until(page, "studio.run?.viewer && document.querySelectorAll('[role=option]').length")
         assert page.title().startswith("run a night")
         press(page, "stop the run")
-        until(page, "studio.run.control.state.textContent.includes('after this generation')")
+        until(page, "studio.run.control.state.textContent.includes('after the current generation')")
         press(page, "new run")
         until(page, "studio.desk.isShown && document.querySelector('.evocity-starts li')")
         axe(page)

@@ -4,12 +4,15 @@ import contextlib
 import json
 import threading
 from collections.abc import Callable, Iterator
-from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from types import SimpleNamespace
+from typing import Any
 
 from chromium import BROWSER as BROWSER
 
-from evocity.viewer.module_bundle import MODULES, module, text
+from evocity.viewer.module_bundle import files, module, text
+from evocity.viewer.sheet import Sheet
+from evocity.viewer.table import Table
 from evocity.viewer.widget import Widget
 
 # What studio's page may do, and no more.
@@ -48,8 +51,9 @@ const model = {
     this.sent.push(message);
     const answer = await fetch("/message", { method: "POST", body: JSON.stringify(message) });
     if (answer.status !== 200) return;
-    const about = JSON.parse(decodeURIComponent(answer.headers.get("about")));
-    call("msg:custom", about, [new DataView(await answer.arrayBuffer())]);
+    const bytes = await answer.arrayBuffer(), end = 4 + new DataView(bytes).getUint32(0, true);
+    const about = JSON.parse(new TextDecoder().decode(bytes.slice(4, end)));
+    call("msg:custom", about, [new DataView(bytes.slice(end))]);
   },
   async renew() {
     Object.assign(values, await (await fetch("/state")).json());
@@ -74,18 +78,20 @@ def served(widget: Widget) -> Iterator[str]:
         "/state": ("application/json", lambda: json.dumps(state_of(widget))),
         "/births": ("application/octet-stream", lambda: widget.births),
     }
-    for name in MODULES:  # one by one, as studio serves them
-        texts[f"/{name}.js"] = ("text/javascript", partial(text, f"{name}.js"))
+    for name, content in files().items():  # one by one, as studio serves them
+        if name.endswith(".js"):
+            texts[f"/{name}"] = ("text/javascript", lambda content=content: content)
+
+    answering = threading.Lock()  # a page may send two messages at once
 
     class Handler(BaseHTTPRequestHandler):
         def log_message(self, *_):
             pass
 
-        def answer(self, kind: str, body: str | bytes, **headers: str) -> None:
+        def answer(self, kind: str, body: str | bytes) -> None:
             body = body.encode() if isinstance(body, str) else body
             self.send_response(200)
-            for name, value in {"Content-Type": f"{kind}; charset=utf-8", **headers}.items():
-                self.send_header(name, value)
+            self.send_header("Content-Type", f"{kind}; charset=utf-8")
             self.send_header("Content-Length", str(len(body)))
             self.send_header("Content-Security-Policy", POLICY)
             self.end_headers()
@@ -100,14 +106,23 @@ def served(widget: Widget) -> Iterator[str]:
 
         def do_POST(self):
             message = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-            about, (image,) = asked(widget, message)[0]
-            quoted = json.dumps(about).replace("%", "%25")
-            self.answer("image/png", bytes(image), about=quoted)
+            with answering:
+                about, buffers = asked(widget, message)[0]
+            head = json.dumps(about).encode()
+            body = len(head).to_bytes(4, "little") + head + b"".join(map(bytes, buffers))
+            self.answer("application/octet-stream", body)
 
     with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
         threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
         yield f"http://127.0.0.1:{server.server_port}/"
         server.shutdown()
+
+
+def page_of(table: Table, facts: dict, sheet: Callable[[list[int], int], Sheet], **parts: Any):
+    """Births, facts and ``parts`` for a widget, in place of a page of a run."""
+    return SimpleNamespace(
+        table=table, about=facts | table.about, sheet=sheet, part=lambda name: parts[name]
+    )
 
 
 def state_of(widget: Widget) -> dict:

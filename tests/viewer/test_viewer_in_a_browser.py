@@ -12,7 +12,7 @@ pytest.importorskip("anywidget")
 pytest.importorskip("playwright.sync_api")
 
 from chromium import BROWSER
-from served_page import served
+from served_page import page_of, served
 
 from evocity.viewer.sheet import Sheet
 from evocity.viewer.table import Column, Table
@@ -22,6 +22,29 @@ pytestmark = pytest.mark.skipif(BROWSER is None, reason="chromium is not there")
 
 HOSTILE = "<img src=x onerror='window.hacked=1'><script>window.hacked=1</script>\"'&${1}"
 COUNT = 900
+#: Parts of a page: births to keep, curves, tables, and parents of the births, which have even ids.
+PARTS = {
+    "keep": [
+        {"id": n, "role": "compromise", "why": f"Why {HOSTILE}", "gave_up": "", "scarce": "",
+         "command": f"evocity decode RUN --id {n}", "values": {"density": 0.5, "gone": None},
+         "shares": [{"city": "A", "share": 0.25, "built": 0.005, "colour": "#123456"}]}
+        for n in (8, 4)
+    ],
+    "curves": [
+        {"name": "density", "title": "best density", "unit": "", "group": "goal", "target": 0.5,
+         "generations": [0, 1, 2], "values": [0.1, None, 0.9]},
+        {"name": "cover", "title": "births that break cover", "unit": "share", "group": "guard",
+         "target": None, "generations": [0, 1, 2], "values": [0.0, 0.0, None]},
+    ],
+    "tables": [{"title": "errors", "headings": ["error", "births"], "note": "",
+                "rows": [[HOSTILE, 3], [None, 0.5]]}],
+    "lineage": {
+        "ids": list(range(0, 2 * COUNT, 2)),
+        "generations": [n // 100 for n in range(COUNT)],
+        "counts": [0, 0, *[2] * (COUNT - 2)],
+        "parents": [parent for n in range(2, COUNT) for parent in (2 * (n - 1), 2 * (n // 2))],
+    },
+}  # fmt: skip
 
 
 def births(count: int = COUNT) -> Table:
@@ -55,7 +78,7 @@ def widget(
     told = {"title": "run night", "credit": "© them", "highest": 35, "ratio": 1}
     shown = [{"name": name, "turned": name == "crumbs"} for name in axes]
     order = {"name": axes[0], "reversed": False}
-    return Widget(table, told, pictures, axes=shown, order=order)
+    return Widget(page_of(table, told, pictures, **PARTS), axes=shown, order=order)
 
 
 @pytest.fixture(scope="module")
@@ -382,7 +405,8 @@ def test_new_births_are_shown_when_a_run_goes_on(opened):
     page = opened(shown)
     page.evaluate("view.model.set('chosen', [4, 998])")
     more = births()
-    shown.show(more, {"title": "run night", "credit": "", "highest": 35, "ratio": 1})
+    facts = {"title": "run night", "credit": "", "highest": 35, "ratio": 1}
+    shown.show(page_of(more, facts, pictures))
     page.evaluate("view.model.renew()")
     assert f"of {COUNT} births pass" in page.locator(".evocity-count").inner_text().replace(
         "\u202f", ""
@@ -444,15 +468,103 @@ def test_modules_one_by_one_are_the_same_page(opened):
     page = opened(widget(births()))
     told = page.evaluate(
         """async () => {
-          const names = ["viewer", "gallery", "parallel", "births", "tiles"];
+          const names = ["viewer", "gallery", "births", "tiles", "tabs"];
           const parts = await Promise.all(names.map((one) => import(`/${one}.js`)));
-          const { Viewer, Gallery, Parallel, Births, Tiles } = Object.assign({}, ...parts);
-          const whole = await import("/module.js");
-          return [typeof parts[0].default.render, ...[Viewer, Gallery, Parallel, Births, Tiles]
-            .map((one) => whole[one.name].toString() === one.toString())];
+          const { Viewer, Gallery, Births, Tiles, Tabs } = Object.assign({}, ...parts);
+          const whole = await import("/module.js"), { VIEWS } = await import("/views.js");
+          return [typeof parts[0].default.render, VIEWS.map(({ name }) => name),
+            ...[Viewer, Gallery, Births, Tiles, Tabs]
+              .map((one) => whole[one.name].toString() === one.toString())];
         }"""
     )
-    assert told == ["function", *[True] * 5]
+    names = ["keep", "axes", "scatter", "grid", "curves", "pedigree", "tables"]
+    assert told == ["function", names, *[True] * 5]
+
+
+def tab(page, name: str) -> None:
+    page.get_by_role("tab", name=name, exact=True).click()
+
+
+@pytest.mark.slow
+def test_births_to_keep_are_shown_with_reasons_and_chosen(opened):
+    page = opened(widget(births()))
+    tab(page, "which to keep")
+    until(page, "document.querySelectorAll('.evocity-kept li').length === 2")
+    first = page.locator(".evocity-kept li").first
+    assert first.locator("h2").inner_text().endswith("ompromise, birth 8")
+    for text in (f"Why {HOSTILE}", "A 25 % of the map, 0.5 % of the buildings", "RUN --id 8"):
+        assert text in first.inner_text()
+    page.get_by_role("button", name="show birth 4").click()
+    assert saved(page)["chosen"] == [4]
+    page.get_by_role("button", name="choose these births").click()
+    assert saved(page)["chosen"] == [8, 4]
+    assert page.evaluate("window.hacked") is None
+
+
+@pytest.mark.slow
+def test_curves_say_their_ends_in_words(opened):
+    page = opened(widget(births()))
+    tab(page, "curves")
+    until(page, "document.querySelectorAll('.evocity-curves svg').length === 1")
+    label = page.locator(".evocity-curves svg").get_attribute("aria-label")
+    assert label == ("best density: 0.1 in generation 0, 0.9 in generation 2; the target is 0.5")
+    line = page.locator(".evocity-curve").get_attribute("d")
+    assert (line.count("M"), line.count("L")) == (2, 0)  # a gap where no value is
+    assert page.get_by_text("No birth broke the bounds of cover.").is_visible()
+
+
+@pytest.mark.slow
+def test_a_pedigree_shows_each_ancestor_once_above_its_children(opened):
+    page = opened(widget(births()))
+    tab(page, "pedigree")
+    page.evaluate("view.model.set('chosen', [12])")
+    nodes = page.locator(".evocity-pedigree .evocity-node")
+    until(page, "document.querySelectorAll('.evocity-pedigree .evocity-node').length === 6")
+    labels = nodes.evaluate_all("all => all.map((one) => one.ariaLabel)")
+    assert labels[0] == "birth 12, 0 child-to-parent steps before the selected birth"
+    tops = dict(zip(
+        [int(one.split()[1].strip(",")) for one in labels],
+        nodes.evaluate_all("all => all.map((one) => parseFloat(one.style.top))"),
+        strict=True,
+    ))  # fmt: skip
+    lineage = PARTS["lineage"]
+    ends = np.cumsum(lineage["counts"])
+    for row in range(2, 7):  # birth 12 is in row 6
+        for parent in lineage["parents"][ends[row] - 2 : ends[row]]:
+            assert tops[parent] < tops[2 * row]
+    assert "has 5 ancestors" in page.locator(".evocity-view").inner_text()
+    nodes.nth(1).click()
+    assert saved(page)["chosen"] == [int(labels[1].split()[1].strip(","))]
+
+
+@pytest.mark.slow
+def test_tables_show_the_passing_births_in_their_order(opened):
+    table = births()
+    page = opened(widget(table))
+    tab(page, "tables")
+    until(page, "document.querySelectorAll('.evocity-wide').length === 2")
+    rows = page.locator(".evocity-wide").first.locator("tbody tr")
+    ids = rows.evaluate_all("all => all.map((one) => Number(one.lastChild.textContent))")
+    assert ids == table.ids[table.row_order("density")[:100]].tolist()
+    assert page.get_by_text("800 more births pass the filter").is_visible()
+    page.get_by_role("button", name="height", exact=True).click()
+    assert saved(page)["order"] == {"name": "height", "reversed": False}
+    ids = rows.evaluate_all("all => all.map((one) => Number(one.lastChild.textContent))")
+    assert ids == table.ids[table.row_order("height")[:100]].tolist()
+    page.get_by_role("button", name="height", exact=True).click()
+    assert saved(page)["order"]["reversed"]
+    other = page.locator(".evocity-wide").nth(1).locator("td").all_inner_texts()
+    assert other == [HOSTILE, "3", "–", "0.5"]
+
+
+def test_a_fault_of_a_view_stays_in_its_pane(opened):
+    page = opened(widget(births()))
+    page.evaluate("() => { view.model.send = () => { throw new Error('no kernel'); }; }")
+    tab(page, "which to keep")
+    until(page, "document.querySelector('.evocity-view').textContent.includes('no kernel')")
+    tab(page, "axes")
+    draw_along(page, 0, 40, 110)
+    assert not page.locator(".evocity-count").inner_text().startswith("900 ")
 
 
 def test_a_view_that_ends_leaves_nothing_behind(opened):

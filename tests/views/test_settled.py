@@ -12,8 +12,10 @@ from towns import draw_town
 import evocity
 from evocity.citymap import CityMap
 from evocity.condensation import Condensation
-from evocity.errors import MapError
-from evocity.views.buildings import CRUMB, STEP, settled, settled_zones
+from evocity.errors import GenomeError, MapError
+from evocity.genome.genome import descended
+from evocity.views.buildings import CRUMB, STEP, settled, settled_roofs, settled_zones
+from evocity.views.buildings.segmentation import ROOF_STEP
 
 # Few heights, some within STEP of each other and some not: many ties, many rounds of uniting.
 roofs = arrays(
@@ -27,6 +29,11 @@ masks = st.integers(0, 2**32 - 1).map(np.random.default_rng)
 def settle(heights, keep=None, pixel=2.0):
     city = CityMap(heights, pixel)
     return settled(city.heights, city.labels, pixel, keep)
+
+
+def settle_roofs(heights, keep=None, pixel=2.0):
+    city = CityMap(heights, pixel)
+    return settled_roofs(city.heights, city.labels, pixel, keep)
 
 
 def rough(city, deviation, seed=3):
@@ -103,6 +110,88 @@ def test_what_is_kept_stays_and_does_not_touch_the_rest(heights, rng):
     assert np.array_equal(result[keep], heights[keep])
     other = np.where(keep, rng.gamma(2, 5, heights.shape), heights).astype(np.float32)
     assert np.array_equal(settle(other, keep)[~keep], result[~keep])
+
+
+@settings(max_examples=80, deadline=None)
+@given(roofs, st.sampled_from([1.0, 2.0, 3.0, 5.0]))
+def test_settled_roofs_as_their_naive_twin(heights, pixel):
+    built = heights > 1.5
+    least = int(np.ceil(CRUMB / pixel**2))
+    expected = naive.settled_roofs(heights, built, least, STEP, ROOF_STEP)
+    assert np.array_equal(settle_roofs(heights, pixel=pixel), expected)
+
+
+def test_larger_roofs_as_their_naive_twin():
+    heights = np.random.default_rng(4).gamma(3, 3, (40, 50)).astype(np.float32)
+    heights = np.round(heights.repeat(2, 0)[:40].repeat(2, 1)[:, :50] / 2) * 2
+    noise = np.random.default_rng(5).normal(0, 0.3, heights.shape).astype(np.float32)
+    heights = np.maximum(heights + noise, 0)
+    expected = naive.settled_roofs(heights, heights > 1.5, 6, STEP, ROOF_STEP)
+    assert np.array_equal(settle_roofs(heights), expected)
+
+
+@settings(max_examples=80, deadline=None)
+@given(roofs, masks, st.booleans())
+def test_settling_roofs_twice_is_settling_once(heights, rng, some):
+    keep = rng.random(heights.shape) < 0.3 if some else None
+    once = settle_roofs(heights, keep)
+    assert np.array_equal(settle_roofs(once, keep), once)
+
+
+@settings(max_examples=60, deadline=None)
+@given(roofs, masks)
+def test_kept_pixels_stay_and_touch_no_roof(heights, rng):
+    keep = rng.random(heights.shape) < 0.4
+    result = settle_roofs(heights, keep)
+    assert np.array_equal(result[keep], heights[keep])
+    other = np.where(keep, rng.gamma(2, 5, heights.shape), heights).astype(np.float32)
+    assert np.array_equal(settle_roofs(other, keep)[~keep], result[~keep])
+
+
+def test_a_slope_at_a_wall_joins_no_roofs_and_fills_no_gap():
+    heights = np.zeros((12, 21), np.float32)
+    heights[2:10, 2:6], heights[2:10, 6:10], heights[2:10, 11:19] = 9, 11, 18
+    map_ = heights.copy()
+    heights[2:10:2, 5], heights[2:10:2, 6] = 9.8, 10.4  # slopes between two roofs
+    heights[2:10:2, 10], heights[3:10:2, 10] = 2, 3  # a gap of one pixel that decoding raises
+    heights[4, 13] = 21  # a chimney
+    assert np.array_equal(settle_roofs(heights), map_)
+    assert np.unique(settle(heights)[2:10, 2:10]).size == 1
+    assert (settle(heights)[2:10, 10] > 0).all()
+
+
+@pytest.mark.parametrize("name", ["lyon-1er", "new-york-west-village"])
+def test_codes_with_settled_roofs_are_closer_to_the_map(name):
+    city = evocity.read_map(name, metres_per_pixel=2.0)
+    code = evocity.encode(city, settle="roofs").genome
+    roofs, buildings, raw = (evocity.decode(code, settle=how).city for how in (None, True, False))
+    assert np.array_equal(settle_roofs(roofs.heights), roofs.heights)
+    errors = [np.sqrt(np.mean((one.heights - city.heights) ** 2)) for one in (roofs, buildings)]
+    assert errors[0] < errors[1] / 2
+    assert len(roofs.buildings) > 0.95 * len(city.buildings)
+    assert np.unique(roofs.heights).size < np.unique(raw.heights).size / 10
+    assert np.array_equal(roofs.building_labels, roofs.replace(roofs.heights).building_labels)
+
+
+@pytest.mark.parametrize("how", [1, "walls", 0.5])
+def test_other_ways_to_settle_are_refused(how):
+    code = uniformly(draw_town(1, side=64)).genome
+    with pytest.raises(GenomeError, match="settle"):
+        evocity.decode(code, settle=how)
+    with pytest.raises(GenomeError, match="settle"):
+        code.replace(settle=how)
+
+
+def test_genomes_with_settled_roofs_are_written_and_breed_such(tmp_path):
+    code = uniformly(draw_town(1, side=64)).genome
+    roofs = code.replace(settle="roofs")
+    roofs.write(tmp_path / "roofs.parquet")
+    again = evocity.read_genome(tmp_path / "roofs.parquet")
+    assert again == roofs
+    assert again.settle == "roofs"
+    assert len({one.digest for one in (code, roofs, code.replace(settle=True))}) == 3
+    assert descended([code, code.replace(settle=True)])[1]["settle"] is True
+    assert descended([roofs, code.replace(settle=True)])[1]["settle"] == "roofs"
 
 
 @pytest.mark.parametrize("seed", range(4))

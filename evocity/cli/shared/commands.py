@@ -64,9 +64,34 @@ class Commands(click.Group):
             ctx.exit(getattr(error, "exit_code", 130))
 
 
+class _Command(click.Command):
+    """A command with options whose word may be left out, such as ``--settle``."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        words = {name: p.words for p in self.params for name in getattr(p, "words", ()) and p.opts}
+        return super().parse_args(ctx, _join_words(args, words) if words else args)
+
+
+def _join_words(args: list[str], words: dict[str, tuple[str, ...]]) -> list[str]:
+    """Join each option of ``words`` with its word; an option without a word has the first."""
+    joined: list[str] = []
+    for number, arg in enumerate(args):
+        if arg == "--":
+            return joined + args[number:]
+        if joined and joined[-1] in words:
+            if arg in words[joined[-1]]:
+                joined[-1] += f"={arg}"
+                continue
+            joined[-1] += f"={words[joined[-1]][0]}"
+        joined.append(arg)
+    if joined and joined[-1] in words:
+        joined[-1] += f"={words[joined[-1]][0]}"
+    return joined
+
+
 def command(examples: str) -> Callable[[Callable], click.Command]:
     """Declare a command whose help ends with ``examples``, and with any text below them."""
-    return click.command(epilog=f"\b\nExamples:{examples}")
+    return click.command(cls=_Command, epilog=f"\b\nExamples:{examples}")
 
 
 def message_of(error: EvocityError, command: click.Command) -> str:

@@ -52,6 +52,49 @@ def flag(names: str, text: str) -> Callable:
     return click.option(*names.split(), is_flag=True, help=text)
 
 
+class _WordOption(click.Option):
+    """An option with a word that may be left out: its first one stands for it then."""
+
+    def __init__(self, *names, **settings):
+        super().__init__(*names, **settings)
+        self.words = tuple(self.type.choices)
+
+
+#: How decoding settles roofs, as users name it, and the value of `evocity.genome.Genome.settle`.
+SETTLINGS = {"buildings": True, "roofs": "roofs"}
+
+
+def settle_options(default: str) -> Callable:
+    """Add ``--settle`` and ``--no-settle``, which arrive as ``settle``: True, False, "roofs", or
+    None where neither is given. The help shows the ``default``."""
+
+    def add(command: Callable) -> Callable:
+        def gather(values: Mapping) -> dict:
+            way, raw = values["settle"], values["no_settle"]
+            if raw and way is not None:
+                raise EvocityError(
+                    f"--settle {way} together with --no-settle",
+                    "one of the two options",
+                    "leave --no-settle out, unless you want roofs with fractal heights",
+                )
+            return {"settle": False if raw else SETTLINGS.get(way)}
+
+        options = {
+            "settle": option(
+                "--settle buildings|roofs",
+                "Make decoded roofs flat. With the word roofs, each roof gets its own median "
+                "height. With the word buildings, or without a word, each building gets its "
+                f"median height. [{default}]",
+                click.Choice(tuple(SETTLINGS)),
+                cls=_WordOption,
+            ),
+            "no_settle": flag("--no-settle", "Leave fractal heights on decoded roofs."),
+        }
+        return add_options(command, options, gather)
+
+    return add
+
+
 # -- types -------------------------------------------------------------------------------------
 
 

@@ -185,7 +185,7 @@ def _print_estimate(folder: Path, search, generation) -> None:
 
 def _print_failures(folder: Path) -> None:
     """Print the kinds of failures, measures without values, and whether births repeat."""
-    from evocity.report import failures, repeated, unrecorded
+    from evocity.analysis.failed_births import failures, repeated, unrecorded
 
     with contextlib.suppress(RunError):  # no generation was whole
         run = evocity.open_run(folder)

@@ -81,10 +81,8 @@ def calibrate_recipe(
     Raises `RecipeError` for an impossible window or centre. Raises `MapError`, `GenomeError` or
     `FitnessError` if a map cannot be used or is empty, or no parent has a value of a goal.
     """
-    own = bool(goals)
-    goals = list(goals) or [
-        Goal(fitness.get(name), of_parents=name in OF_PARENTS) for name in USUAL_GOALS
-    ]
+    own = any(not goal.is_constraint for goal in goals)
+    goals = list(goals) if own else _with_usual(goals)
     drafted = [replace(goal, target=0.0) if goal.lacks_target else goal for goal in goals]
     draft = _read_recipe(recipe_text(settings, drafted, []), path)
     compile_once(draft.genome.block, kernel_parts(draft), tell)
@@ -97,7 +95,7 @@ def calibrate_recipe(
     prepared = prepare(draft, tell, check_map)
     cities = [source.city for source in prepared.sources]
     measures = [goal.measure for goal in goals]
-    named = {goal.measure.name for goal in goals}
+    named = {goal.measure.name for goal in goals if goal.within is None}
     guard = [fitness.get(name) for name in GUARD if name not in named or name not in BANDS]
     values = {one.name: _values(one, prepared, cities) for one in [*measures, *guard]}
     goals, left_out = _select_goals(goals, values, own, path)
@@ -105,7 +103,7 @@ def calibrate_recipe(
     unbounded = [name for name, bound in bounds.items() if bound is None]
     bounds = [bound for bound in bounds.values() if bound is not None]
     recipe = _read_recipe(recipe_text(settings, goals, bounds, values), path)
-    tell("breeding a few, to tell how long it takes")
+    tell("breeding trial children to estimate the duration")
     compile_once(recipe.genome.block, kernel_parts(recipe), tell)
     trials = _trials(_with_recipe(prepared, recipe))
     seconds = sum(outcome.seconds for outcome in trials) / len(trials)
@@ -117,6 +115,7 @@ def calibrate_recipe(
         *_note_heights(goals, first.city),
         *_note_reached(goals, first.name),
         *_note_best(goals, values),
+        *_note_beyond(goals, values),
         *(
             f"{n}: no bound, for it is undefined for {_list_undefined(values[n])}"
             for n in unbounded
@@ -132,6 +131,15 @@ def calibrate_recipe(
     uncredited = [k for k, source in enumerate(sources) if not source.city.attribution]
     text = recipe_text(*content, (draft.births, seconds, draft.duration), uncredited)
     return replace(draft, text=text, recipe=_read_recipe(text, path))
+
+
+def _with_usual(constraints: Sequence[Goal]) -> list[Goal]:
+    """The usual goals, with the bounds of ``constraints`` on them, and all other constraints."""
+    usual = {name: Goal(fitness.get(name), of_parents=name in OF_PARENTS) for name in USUAL_GOALS}
+    for one in constraints:
+        name = one.measure.name
+        usual[name] = replace(usual[name], bounds=one.bounds) if name in usual else one
+    return list(usual.values())
 
 
 def _read_recipe(text: str, path: Path) -> Recipe:
@@ -232,6 +240,33 @@ def _note_best(goals: Sequence[Goal], values: Mapping) -> list[str]:
                 f"{goal.measure.name}: {' and '.join(reached)} {have} {best:g} already, the best "
                 f"possible value; children of only {them} may win, which a bound in place of the "
                 "goal prevents"
+            )
+    return notes
+
+
+def _note_beyond(goals: Sequence[Goal], values: Mapping) -> list[str]:
+    """Notes on bounds and targets that lie beyond the values of all parents' maps and codes."""
+    notes = []
+    for goal in goals:
+        given = [*goal.bounds.values(), *([] if goal.target is None else [goal.target])]
+        of_parents = [
+            value
+            for pair in values[goal.measure.name].values()
+            for value in pair
+            if not math.isnan(value)
+        ]
+        if not given or not of_parents or goal.of_parents or goal.of_first:
+            continue
+        low, high = goal.bounds.get("min", -math.inf), goal.bounds.get("max", math.inf)
+        if goal.target is not None:
+            low, high = max(low, goal.target), min(high, goal.target)
+        least, most = min(of_parents), max(of_parents)
+        if low > most or high < least:
+            near, way = (low, "more than") if low > most else (high, "less than")
+            notes.append(
+                f"{goal.measure.name}: {near:g} is {way} any parent has ({least:.3g} to "
+                f"{most:.3g}), so a mixture of them may not reach it; choose a parent with "
+                f"{'more' if low > most else 'less'}, or another number"
             )
     return notes
 

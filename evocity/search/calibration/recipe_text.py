@@ -4,7 +4,7 @@ import json
 import math
 import textwrap
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from evocity import operators
@@ -19,7 +19,7 @@ _WIDTH = 100
 class RecipeSettings:
     """The user's choices for a recipe: its ``name``, ``parents`` as [[parents]] has them, window,
     ``seed``, and length in ``generations``, or in ``minutes`` on all cores. ``by``: who writes it.
-    """
+    ``locked``: keys of [locked]."""
 
     name: str
     parents: Sequence[Mapping[str, Any]]
@@ -30,6 +30,7 @@ class RecipeSettings:
     seed: int = 7
     minutes: float | None = None
     by: str = "`evocity recipe new`"
+    locked: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,8 @@ class Goal:
     """A measure as a goal. ``file``: its file, as the recipe names it; ``several``: whether this
     has other measures too. ``goal``: "max" or "min" in place of the measure's own; ``target``: a
     number in place of a goal; ``of_first``: whether that is the first parent's value;
-    ``of_parents``: whether that is what all parents have."""
+    ``of_parents``: whether that is what all parents have. ``bounds``: the keys min and max;
+    ``is_constraint``: whether it is no goal besides; ``within``: the file of the measured part."""
 
     measure: Measure
     file: str | None = None
@@ -46,17 +48,20 @@ class Goal:
     goal: str | None = None
     of_first: bool = False
     of_parents: bool = False
+    bounds: Mapping[str, float] = field(default_factory=dict)
+    is_constraint: bool = False
+    within: str | None = None
 
     @property
     def lacks_target(self) -> bool:
         """Whether there is neither a goal nor a target."""
         directed = self.goal is not None or self.measure.goal is not None
-        return self.target is None and (self.of_parents or not directed)
+        return not self.is_constraint and self.target is None and (self.of_parents or not directed)
 
     @property
     def direction(self) -> str | None:
         """ "max" or "min"; None for a target, given or to come."""
-        if self.of_parents or self.target is not None:
+        if self.of_parents or self.is_constraint or self.target is not None:
             return None
         return self.goal or self.measure.goal
 
@@ -124,6 +129,8 @@ _REASONS = {
 _OF_FIRST = "It has no goal of its own: the target is what the code of the first has."
 _OF_PARENTS = "The nearer the target, the better: it is the mean of the parents' maps."
 _OF_LAW = "The nearer the target, the better: the parents' maps have the law, so it is 1."
+_CONSTRAINT = "No goal: every birth should keep these bounds."
+_LOCKED = "pixels that no birth changes"
 _TARGET = "The nearer the target, the better."
 _RELAXED = "The codes of the parents have more than that: the bound is what the better of them has."
 
@@ -160,11 +167,15 @@ def recipe_text(
             {"pixels": f"a window of {settings.pixels * settings.metres_per_pixel:g} m"},
         ),
         *(_parent(parent, k in uncredited) for k, parent in enumerate(settings.parents)),
+        *([_table("[locked]", settings.locked, {}, _LOCKED)] if settings.locked else []),
         _genome(),
         _operators(len(settings.parents)),
         *([_search()] if len(settings.parents) > 1 else []),
         _comment("-- goals: what the search improves " + "-" * 50),
-        *(_goal(goal, guarded.pop(goal.measure.name, None), values) for goal in goals),
+        *(
+            _goal(goal, None if goal.within else guarded.pop(goal.measure.name, None), values)
+            for goal in goals
+        ),
     ]
     if guarded:
         parts.append(
@@ -202,7 +213,8 @@ def toml_value(value: Any) -> str:
 def describe_duration(seconds: float) -> str:
     """Describe a time in seconds, minutes or hours."""
     if seconds < 90:
-        return f"{max(1, round(seconds))} seconds"
+        whole = max(1, round(seconds))
+        return f"{whole} second" if whole == 1 else f"{whole} seconds"
     if seconds < 5400:
         return f"{seconds / 60:.0f} minutes"
     return f"{seconds / 3600:.1f} hours"
@@ -227,13 +239,14 @@ def _genome() -> str:
         "[genome]",
         {
             "block": f"{sides[0]}-{sides[1]}",
-            **{key: usual[key].default for key in ("reach", "fit", "settle")},
+            **{key: usual[key].default for key in ("reach", "fit")},
+            "settle": "roofs",
         },
         {
             "block": "sides of range blocks, px: small at walls, large on open ground",
             "reach": "how far a domain block may lie, px; short ones survive crossing",
             "fit": "the parents' codes refined, to decode closest to their maps",
-            "settle": "each building lies at its median height",
+            "settle": "each roof lies at its median height, and small steps stay",
         },
     )
 
@@ -283,18 +296,23 @@ def _goal(goal: Goal, bound: Bound | None, values: Mapping) -> str:
     entry: dict[str, Any] = {} if goal.file is None else {"file": goal.file}
     if goal.file is None or goal.several:
         entry["name"] = measure.name
+    if goal.within is not None:
+        entry["within"] = goal.within
+    bounds = goal.bounds or (bound.keys if bound else {})
     if goal.target is not None:
         entry["target"] = goal.target
-    elif goal.goal is not None or bound is not None:  # with only a bound it were no goal
-        entry["goal"] = goal.direction
+    elif not goal.is_constraint and (goal.goal is not None or bounds):
+        entry["goal"] = goal.direction  # with only a bound it were no goal
     text = f"{measure.name}: {measure.summary}" if measure.summary else f"{measure.name}."
     directions = {"max": "More of it is better.", "min": "Less of it is better."}
     text += " " + directions.get(goal.direction, _describe_target(goal))
-    entry |= {} if bound is None else bound.keys
+    entry |= bounds
     return _comment(text + _parent_values(measure.name, values)) + _table("[[fitness]]", entry)
 
 
 def _describe_target(goal: Goal) -> str:
+    if goal.is_constraint:
+        return _CONSTRAINT
     if goal.of_parents:
         lawful = goal.measure.name == "salingaros_law" and goal.target == 1
         return _OF_LAW if lawful else _OF_PARENTS

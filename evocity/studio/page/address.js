@@ -27,7 +27,7 @@ export function checkState(state, births, usual) {
     const axes = state.axes.filter((one) => one && isName(one.name));
     kept.axes = [...new Map(axes.map((one) => [one.name, { name: one.name, turned: one.turned === true }])).values()];
   }
-  if (["axes", "scatter", "grid"].includes(state.view)) kept.view = state.view;
+  if (typeof state.view === "string") kept.view = state.view;
   const pair = listed(state.pair).filter(isName);
   if (pair.length === 2) kept.pair = pair;
   kept.chosen = [...new Set(listed(state.chosen))].filter((id) => Number.isInteger(id) && births.row(id) >= 0);

@@ -1,12 +1,13 @@
 import { Buildings } from "./buildings.js";
-import { element, number } from "./elements.js";
-import { Pedigree } from "./pedigree.js";
+import { button, element, number } from "./elements.js";
+import { FilterDesk } from "./filter.js";
+import { Growth } from "./growth.js";
 import { Pictures } from "./pictures.js";
 
 /** The pane of one birth, from the `server` of its run, with the pinned birth beside it. `on`: showBirth(id),
  * pick(ids), drop(ids), pin(id), trouble(error). */
 export class BirthPane {
-  constructor(parent, server, small, on) {
+  constructor(parent, server, on) {
     [this.server, this.on] = [server, on];
     this.id = this.pinned = null;
     this.marks = new Set();
@@ -15,18 +16,18 @@ export class BirthPane {
     this.root.hidden = true;
     const head = element(this.root, "div", "row");
     this.title = element(head, "h2");
-    this.pick = element(head, "button", "", "", { type: "button" });
-    this.pick.addEventListener("click", () => (this.marks.has(this.id) ? on.drop : on.pick)([this.id]));
-    this.pin = element(head, "button", "", "", { type: "button", "aria-keyshortcuts": "p" });
-    this.pin.addEventListener("click", () => this.turnPin());
+    this.pick = button(head, "", () => (this.marks.has(this.id) ? on.drop : on.pick)([this.id]));
+    this.pin = button(head, "", () => this.turnPin());
+    this.pin.setAttribute("aria-keyshortcuts", "p");
     this.pinRow = element(this.root, "div", "row", "", { role: "status" });
     this.origin = element(this.root, "p", "faint");
     this.pictures = new Pictures(element(this.root, "div"), server);
     this.image = this.pictures.figures[0].image;
+    const hear = { picks: () => [...this.marks], highest: () => this.pictures.highest };
+    this.filter = new FilterDesk(this.root, server, hear);
+    this.growth = new Growth(this.root, server, hear);
     this.facts = element(this.root, "div");
     this.buildings = new Buildings(this.root, server);
-    element(this.root, "h3", "", "ancestors");
-    this.pedigree = new Pedigree(this.root, server, small, { showBirth: (id) => on.showBirth(id) });
     this.record = element(this.root, "div");
   }
 
@@ -38,7 +39,6 @@ export class BirthPane {
     this.title.textContent = `birth ${id}`;
     this.markPicks([...this.marks]);
     this.renew(true);
-    this.pedigree.show(id).catch(this.on.trouble);
   }
 
   /** The pinned birth beside it; null without one, or if it is pinned itself. */
@@ -68,8 +68,12 @@ export class BirthPane {
       if (id !== this.id || other !== this.other) return;
       this.showFacts(...births);
       if (!isOther) return;
-      this.pictures.show(id, births[1]?.pictured ? other : null, births[0].pictured);
+      this.pictures.show(id, births[1]?.pictured ? other : null, births[0].pictured, births[0].fabric);
       this.buildings.show(id, other);
+      for (const one of [this.filter, this.growth]) {
+        one.root.hidden = !(births[0].pictured && births[0].fabric);
+        if (!one.root.hidden) one.show(id, births[1]?.pictured ? other : null);
+      }
     } catch (error) {
       if (id === this.id) this.on.trouble(error);
     }
@@ -87,8 +91,8 @@ export class BirthPane {
       return;
     }
     element(this.pinRow, "span", "faint", "pinned birth:");
-    element(this.pinRow, "button", "link", `birth ${other}`, { type: "button" }).addEventListener("click", () => this.on.showBirth(other));
-    element(this.pinRow, "button", "", `unpin birth ${other}`, { type: "button" }).addEventListener("click", () => {
+    this.link(this.pinRow, other, `birth ${other}`);
+    button(this.pinRow, `unpin birth ${other}`, () => {
       this.on.pin(null);
       this.pin.focus();
     });
@@ -100,8 +104,6 @@ export class BirthPane {
     this.pick.textContent = isPicked ? "★ drop from picks" : "pick this birth";
     this.pick.setAttribute("aria-pressed", String(isPicked));
   }
-
-  drawTiles() { this.pedigree.draw(); }
 
   /** Show the facts of a birth, and of the `other` beside it, if there is one. */
   showFacts(birth, other) {
@@ -169,10 +171,13 @@ export class BirthPane {
     if (!ids.length) return;
     const row = element(this.facts, "div", "row");
     element(row, "span", "faint", text);
-    for (const id of ids) {
-      element(row, "button", "link", String(id), { type: "button", "aria-label": `birth ${id}` })
-        .addEventListener("click", () => this.on.showBirth(id));
-    }
+    for (const id of ids) this.link(row, id, String(id)).setAttribute("aria-label", `birth ${id}`);
+  }
+
+  link(parent, id, text) {
+    const made = button(parent, text, () => this.on.showBirth(id));
+    made.className = "evocity-link";
+    return made;
   }
 
   showRecord(birth) {

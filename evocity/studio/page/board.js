@@ -1,8 +1,10 @@
-import { showKept, showValues } from "./breed.js";
-import { drawLayers, frame } from "./overlay.js";
+import { keepChildren, showValues, unchangedText } from "./breed.js";
+import { announce, attempt, pause, readyWorkers, SEEDS, showBlob } from "./controls.js";
+import { Export } from "./export.js";
+import { drawLayers, frame, loadLock } from "./overlay.js";
 import { FIELD, Layers } from "./layers.js";
-import { element, fitCanvas } from "./elements.js";
-import { ramp } from "./ramp.js";
+import { imageOf } from "./live_map.js";
+import { button, choice, element, field, fitCanvas, offer, tick } from "./elements.js";
 
 /** Milliseconds between a change of the drawing and its child, and between two looks at the child. */
 const SOON = 250, LOOK = 120;
@@ -29,40 +31,41 @@ export class Board {
     this.form = element(parent, "form");
     this.form.addEventListener("submit", (event) => event.preventDefault());
     const first = element(this.form, "div", "row");
-    this.parents = ["first", "second"].map((text) => element(element(first, "label", "", `${text} parent `), "select"));
+    this.parents = ["first", "second"].map((text) => choice(first, `${text} parent`, []));
     for (const one of this.parents) one.addEventListener("change", () => this.load());
-    this.button(first, "swap", () => this.swap());
-    this.operator = this.select(element(this.form, "div", "row"), "method ", OPERATORS.map(([name, text]) => [name, text]));
+    button(first, "swap", () => this.swap());
+    this.operator = choice(element(this.form, "div", "row"), "method", OPERATORS.map(([name, text]) => [name, text]));
     this.words = element(this.form, "p", "faint");
     const tools = element(this.form, "div", "row", "", { role: "group", "aria-label": "drawing tools" });
     this.tools = new Map([["lay", ""], ["lock", "lock"], ["mask", "mask"]].map(([tool, text]) =>
-      [tool, this.button(tools, text, () => this.use(tool))]));
-    this.eraser = element(element(tools, "label", "", "erase "), "input", "", "", { type: "checkbox" });
+      [tool, button(tools, text, () => this.use(tool))]));
+    this.eraser = tick(tools, "erase");
     this.toolText = element(this.form, "p", "faint");
     this.sizes = element(this.form, "div", "row");
-    this.side = this.select(this.sizes, "side ", []);
-    this.tolerance = this.select(this.sizes, "height difference along the outline of a square ", [["1000", "any"], ["12", "at most 12 m"],
+    this.side = choice(this.sizes, "side", []);
+    this.tolerance = choice(this.sizes, "height difference along the outline of a square", [["1000", "any"], ["12", "at most 12 m"],
       ["6", "at most 6 m"], ["3", "at most 3 m"]]);
     this.paints = element(this.form, "div", "row");
-    this.brush = this.select(this.paints, "brush ", BRUSHES.map((one) => [String(one), `squares of ${one} × ${one} cells`]));
+    this.brush = choice(this.paints, "brush", BRUSHES.map((one) => [String(one), `squares of ${one} × ${one} cells`]));
     this.brush.value = "3";
-    this.level = element(element(this.paints, "label", "", "λ, share of the second "), "input", "", "", { type: "number", min: "0", max: "1", step: "0.1" });
-    this.level.value = "1";
+    this.level = field(this.paints, "λ, share of the second", "number", "1", { min: "0", max: "1", step: "0.1" });
     this.files = element(this.form, "div", "row");
-    this.file = element(element(this.files, "label", "", "mark from a picture "), "input", "", "", { type: "file", accept: "image/*" });
+    this.file = field(this.files, "mark from a picture", "file", "", { accept: "image/*" });
     this.file.addEventListener("change", () => this.mark());
     const last = element(this.form, "div", "row");
-    this.undo = this.button(last, "undo", () => this.back());
-    this.clear = this.button(last, "clear all", () => this.change(() => this.layers.blank()));
-    this.seed = element(element(last, "label", "", "seed "), "input", "", "", { type: "number", min: "0", max: "9007199254740991", step: "1" });
-    this.seed.value = "0";
+    this.undo = button(last, "undo", () => this.back());
+    this.clear = button(last, "clear all", () => this.change(() => this.layers.blank()));
+    this.seed = field(last, "seed", "number", "0", SEEDS);
     for (const one of [this.operator, this.tolerance, this.seed]) one.addEventListener("change", () => this.changed());
     for (const one of [this.side, this.brush]) one.addEventListener("change", () => (one === this.side ? this.changed() : this.draw()));
     element(this.form, "p", "faint", "Keys on the map: arrows move, with Shift four times as far; Enter draws, Delete erases.");
     this.state = element(parent, "p", "faint", "", { role: "status" });
     this.facts = element(parent, "div");
-    this.keep = this.button(parent, "save the child and a recipe", () => this.keepIt());
+    this.keep = button(parent, "save the child and a recipe", () => this.keepIt());
     this.message = element(parent, "p", "", "", { role: "status" });
+    this.export = new Export(parent, server, {
+      what: () => this.bred && { brood: this.bred.brood, children: [0], board: true }, words: () => "the child",
+    });
     const figure = element(stage, "figure");
     this.title = element(figure, "figcaption");
     this.canvas = element(figure, "canvas", "", "", { tabindex: "0", role: "application", "aria-label": "map to draw on" });
@@ -74,30 +77,20 @@ export class Board {
     this.inform();
   }
 
-  button(parent, text, act) {
-    const button = element(parent, "button", "", text, { type: "button" });
-    button.addEventListener("click", act);
-    return button;
-  }
-
-  select(parent, text, options) {
-    const select = element(element(parent, "label", "", text), "select");
-    for (const [value, label] of options) element(select, "option", "", label, { value });
-    return select;
-  }
-
   // -- parents -----------------------------------------------------------------------------------
 
   /** The pane is visible. */
   async open() {
     this.inform();
-    try {
-      if (this.on.ids().length > 1) await this.server.postJson("ready", { parents: this.pair, board: true });
-    } catch (error) {
-      this.on.trouble(error);
-    }
-    if (!this.about) await this.load();
-    else this.draw();
+    if (this.about) this.draw();
+    if (this.about && this.isNew) this.breed();
+    if (this.on.ids().length > 1 && !this.isBusy) await attempt(this.on.trouble, () => this.ready());
+  }
+
+  /** Prepare workers; wait while studio breeds elsewhere. Whether the board is still visible. */
+  async ready() {
+    const show = (text) => announce(this.state, text);
+    return (await readyWorkers(this.server, { parents: this.pair, board: true }, show, () => !this.stage.hidden)) !== null;
   }
 
   get pair() { return this.parents.map((one) => Number(one.value)); }
@@ -111,7 +104,7 @@ export class Board {
     this.stage.classList.toggle("evocity-idle", !isAble);
     this.parents.forEach((select, place) => {
       const was = Number(select.value);
-      select.replaceChildren(...ids.map((id) => element(null, "option", "", String(id), { value: id })));
+      offer(select, ids.map((id) => [id, String(id)]));
       if (isAble) select.value = String(ids.includes(was) && select.dataset.chosen ? was : ids[place]);
       if (isAble) select.dataset.chosen = "1";
     });
@@ -133,10 +126,10 @@ export class Board {
     this.loadedPair = key;
     try {
       const { about, content } = await this.server.getFramed("board", { ids: key });
-      const maps = await Promise.all(ids.map((id) => this.server.getFramed("heights", { id })));
+      const [lock, ...maps] = await Promise.all([this.lock || loadLock(this.server), ...ids.map((id) => this.server.getFramed("heights", { id }))]);
       if (key !== this.pair.join()) return;
       const isNew = !this.about || ["height", "width", "cell", "grid"].some((one) => this.about[one] !== about[one]);
-      this.about = about;
+      [this.about, this.lock] = [about, lock];
       this.lifs = new Int32Array(content.slice().buffer);
       this.maps = maps.map((one) => this.picture(one));
       this.title.textContent = `map of birth ${ids[0]}, with parts of birth ${ids[1]}`;
@@ -151,15 +144,9 @@ export class Board {
   }
 
   picture({ about: { height, width }, content }) {
-    const colours = ramp(new Float32Array(content.slice().buffer), this.on.highest());
-    const canvas = element(null, "canvas");
+    const canvas = element(null, "canvas"), heights = new Float32Array(content.slice().buffer);
     [canvas.width, canvas.height] = [width, height];
-    const image = new ImageData(width, height);
-    for (let k = 0; k < height * width; k++) {
-      image.data.set(colours.subarray(3 * k, 3 * k + 3), 4 * k);
-      image.data[4 * k + 3] = 255;
-    }
-    canvas.getContext("2d").putImageData(image, 0, 0);
+    canvas.getContext("2d").putImageData(imageOf({ heights, rows: height, columns: width, highest: this.on.highest() }), 0, 0);
     return canvas;
   }
 
@@ -169,7 +156,7 @@ export class Board {
     const most = Math.floor(Math.min(height, width) / grid / 2);
     const sides = [2, 3, 4, 6, 8, 12, 16, 24, 32].filter((one) => one <= most);
     if (!sides.length) sides.push(1);
-    this.side.replaceChildren(...sides.map((one) => element(null, "option", "", `${+(one * grid * metres).toFixed(2)} m`, { value: one })));
+    offer(this.side, sides.map((one) => [one, `${+(one * grid * metres).toFixed(2)} m`]));
     this.side.value = String(sides[Math.min(sides.length - 1, Math.floor(sides.length / 2))]);
     this.at = [height / 2, width / 2];
     this.use("lay");
@@ -288,14 +275,11 @@ export class Board {
     const [file] = this.file.files, { layers, tool } = this;
     if (!file || !layers || !(tool in MARKS)) return;
     const layer = new Uint8Array(layers.painted.length);
-    try {
+    await attempt(this.on.trouble, async () => {
       const count = await layers.mark(layer, file);
       this.change(() => { layers[MARKS[tool][0]] = layer; });
       this.announcement.textContent = `${tool}: the picture ${file.name} marks ${count} of ${layer.length} cells`;
-      this.on.trouble(null);
-    } catch (error) {
-      this.on.trouble(error);
-    }
+    });
     this.file.value = "";
   }
 
@@ -306,7 +290,7 @@ export class Board {
     const { height, width, grid } = this.about, [ours, theirs] = this.maps;
     const wide = Math.max(120, Math.min(this.canvas.parentElement.clientWidth, 720)), scale = wide / width;
     const context = fitCanvas(this.canvas, wide, height * scale), side = Number(this.side.value) * grid;
-    drawLayers(context, this.layers, { ours, theirs, grid, side, scale, isPainted: this.isPainted });
+    drawLayers(context, this.layers, { ours, theirs, grid, side, scale, isPainted: this.isPainted, lock: this.lock });
     const spot = this.spot, size = spot.side * spot.unit * scale;
     frame(context, spot.column * spot.unit * scale, spot.row * spot.unit * scale, size, size, 2);
   }
@@ -341,11 +325,12 @@ export class Board {
     if (this.isBusy) return;
     this.isBusy = true;
     this.showState();
-    try {
+    await attempt(this.on.trouble, async () => {
       while (this.isNew && this.about && !this.stage.hidden) {
+        if (!await this.ready()) break; // the board is hidden
+        while ((await this.server.getJson("brood", { board: 1 })).busy) await pause(LOOK);
         this.isNew = false;
         const [locked, within] = [this.layers.locked, this.layers.within].map((layer) => this.layers.marked(layer));
-        await this.waitForWorkers();
         let state = await this.server.postJson("breed", {
           operators: [this.operator.value === "stepwise" ? "interpolation" : this.operator.value],
           parameters: this.parameters, parents: this.pair, count: 1, seed: Number(this.seed.value) || 0, board: true,
@@ -355,21 +340,13 @@ export class Board {
         while (true) {
           await this.showChild(state);
           if (!state.busy) break;
-          await new Promise((resolve) => setTimeout(resolve, LOOK));
+          await pause(LOOK);
           state = await this.server.getJson("brood", { board: 1 });
         }
-        this.on.trouble(null);
       }
-    } catch (error) {
-      this.on.trouble(error);
-    }
+    });
     this.isBusy = false;
     this.showState();
-  }
-
-  /** Wait until no worker is busy. */
-  async waitForWorkers() {
-    while ((await this.server.getJson("brood", { board: 1 })).busy) await new Promise((resolve) => setTimeout(resolve, LOOK));
   }
 
   async showChild({ brood, children: [child], error, marked }) {
@@ -377,10 +354,7 @@ export class Board {
     this.bred = child && ["bred", "measured"].includes(child.stage) ? { brood, child } : null;
     if (this.bred && this.shownBrood !== brood) {
       this.shownBrood = brood;
-      const blob = await this.server.getBlob("brood-picture", { board: 1, brood, id: 0 });
-      if (this.address) URL.revokeObjectURL(this.address);
-      this.address = URL.createObjectURL(blob);
-      this.image.src = this.address;
+      showBlob(this.image, await this.server.getBlob("brood-picture", { board: 1, brood, id: 0 }));
     }
     this.showState(error || (child && child.error) || "");
   }
@@ -400,18 +374,14 @@ export class Board {
     this.image.hidden = !this.image.src;
     this.keep.hidden = !this.bred;
     this.keep.disabled = this.isBusy;
-    const text = error || (this.isBusy && !this.bred ? "breeding the child …" : this.bred ? `child ${this.bred.child.stage}` : "");
-    if (this.state.textContent !== text) this.state.textContent = text;
+    this.export.root.hidden = !this.bred;
+    this.export.inform();
+    const child = this.bred?.child, state = child ? `child ${child.stage}` : this.isBusy ? "breeding the child …" : "";
+    const isEmpty = !this.isPainted && this.layers && !this.layers.blocks.length;
+    announce(this.state, error || (child?.unchanged ? (isEmpty ? "Nothing is drawn yet, so the child is the first parent." : unchangedText(child)) : state));
     this.facts.replaceChildren();
     if (this.bred) showValues(this.facts, this.bred.child, this.on.births(), this.marked);
   }
 
-  async keepIt() {
-    try {
-      showKept(this.message, await this.server.postJson("keep", { brood: this.bred.brood, children: [0], picks: this.on.ids().slice(0, 16), board: true }));
-      this.on.trouble(null);
-    } catch (error) {
-      this.on.trouble(error);
-    }
-  }
+  keepIt() { return keepChildren(this, { brood: this.bred.brood, children: [0], picks: this.on.ids().slice(0, 16), board: true }); }
 }

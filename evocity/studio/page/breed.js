@@ -1,21 +1,27 @@
-import { Tiles } from "./tiles.js";
-import { element, number, fitCanvas } from "./elements.js";
-import { getJson } from "./server.js";
+import { announce, attempt, pause, readyWorkers, SEEDS, showBlob } from "./controls.js";
+import { paintTile, Tiles } from "./tiles.js";
+import { button, choice, element, field, number, offer, tick } from "./elements.js";
+import { Export } from "./export.js";
+import { loadLock } from "./overlay.js";
 
 const SIZE = 72, SOON = 120;
-/** Operators that take turns where none is chosen: one of each kind. */
+/** Operators of city fabrics that take turns where none is chosen; of others, all operators. */
 const VARIETY = ["quarter_fusion", "region_fusion", "lambda_crossover", "quarter_refill", "relocation",
   "height_scaling", "interpolation", "mutation"];
-const ANY = "several in turn";
+const ANY = "several in turn", MOST_PARENTS = 16, MOST_OPERATORS = 12;
+/** Stages of a child that has a picture. */
+const BRED = ["bred", "measured"];
+const plain = (name) => name.replaceAll("_", " ");
 
 /** The pane that breeds children of the picks and keeps some. `on`: ids(), births(), trouble(error). */
 export class Breed {
   constructor(parent, server, on) {
-    [this.server, this.on] = [server, on];
+    [this.server, this.on, this.pane] = [server, on, parent];
     this.operators = [];
     this.children = [];
     this.kept = new Set();
     this.shown = null;
+    this.isReady = this.following = false;
     this.parentsText = element(parent, "p", "faint");
     const form = this.form = element(parent, "form");
     form.addEventListener("submit", (event) => {
@@ -23,86 +29,100 @@ export class Breed {
       this.begin();
     });
     const first = element(form, "div", "row");
-    this.operator = element(element(first, "label", "", "operator "), "select");
+    this.operator = choice(first, "operator", [[ANY, ANY]]);
     this.operator.addEventListener("change", () => this.choose());
-    const vary = element(first, "label");
-    this.vary = element(vary, "input", "", "", { type: "checkbox" });
-    this.vary.checked = true;
-    vary.append("vary the shares of the parents");
+    this.vary = tick(first, "vary the shares of the parents", true);
     this.words = element(form, "p", "faint");
     this.more = element(form, "details");
     element(this.more, "summary", "", "parameters");
     this.parameters = element(this.more, "div", "parameters");
     const second = element(form, "div", "row");
-    this.count = this.field(second, "children", "12", { min: "1", max: "24" });
-    this.seed = this.field(second, "seed", "0", { min: "0", max: "9007199254740991" });
+    this.count = field(second, "children", "number", "12", { min: "1", max: "24", step: "1", required: "" });
+    this.seed = field(second, "seed", "number", "0", SEEDS);
     this.go = element(second, "button", "", "breed", { type: "submit" });
-    this.stop = element(second, "button", "", "stop", { type: "button" });
-    this.stop.addEventListener("click", () => this.send("stop", {}));
-    this.state = element(parent, "p", "faint", "", { role: "status" });
+    this.stop = button(second, "stop", () => this.send("stop", {}));
+    this.state = element(second, "span", "faint", "", { role: "status" });
     this.leftOut = element(parent, "details");
     element(this.leftOut, "summary", "", "measures that children do not have");
     this.reasons = element(this.leftOut, "ul");
     this.grid = element(parent, "div", "children", "", { role: "group", "aria-label": "children" });
     this.childDetail = element(parent, "div");
-    this.keep = element(parent, "button", "", "", { type: "button" });
-    this.keep.addEventListener("click", () => this.keepThese());
+    this.keep = button(parent, "", () => this.keepThese());
     this.hint = element(parent, "span", "faint", " To keep a child, click it and tick “keep this child”, or double-click it.");
     this.message = element(parent, "p", "", "", { role: "status" });
+    this.files = new Export(parent, server, {
+      what: () => (this.exported.length ? { brood: this.brood, children: this.exported } : null),
+      words: () => (this.exported.length === 1 ? `child ${this.exported[0]}` : `${this.exported.length} children`),
+    });
     this.inform();
     this.showState({ brood: 0, busy: false, error: null, left: {}, children: [] });
   }
 
-  field(parent, text, value, limits) {
-    const input = element(element(parent, "label", "", `${text} `), "input", "", "", { type: "number", step: "1", required: "", ...limits });
-    input.value = value;
-    return input;
-  }
+  get parents() { return this.on.ids().slice(0, MOST_PARENTS); }
 
   /** The pane is visible: load the operators, and prepare workers. */
   async open() {
-    try {
-      if (!this.operators.length) this.operators = (await getJson("operators")).operators;
-      this.inform();
-      this.go.disabled = true; // until the workers answer
-      this.showState(await this.server.postJson("ready", { parents: this.on.ids().slice(0, 16) }));
-      this.follow();
-    } catch (error) {
-      this.inform();
-      this.on.trouble(error);
-    }
+    this.isReady = false; // until the workers answer
+    this.inform();
+    await attempt(this.on.trouble, async () => {
+      this.lock ||= await loadLock(this.server);
+      const state = await readyWorkers(this.server, { parents: this.parents }, (text) => announce(this.state, text), () => !this.pane.hidden);
+      if (state) this.showState(state);
+    });
+    this.isReady = true;
+    this.showGo();
+    this.follow();
   }
 
   /** Show the parts that depend on the picks. */
   inform() {
-    const ids = this.on.ids();
-    this.parentsText.textContent = ids.length ? `The parents are your picks: ${ids.slice(0, 16).join(", ")}${ids.length > 16 ? " …" : ""}.` :
+    const { parents } = this, more = this.on.ids().length > parents.length ? " …" : "";
+    this.parentsText.textContent = parents.length ? `The parents are your picks: ${parents.join(", ")}${more}.` :
       "Pick one or more births to breed from.";
-    const { fittingOperators } = this, was = this.operator.value || ANY;
-    this.operator.replaceChildren(...[ANY, ...fittingOperators.map((one) => one.name)].map((name) =>
-      element(null, "option", "", name.replaceAll("_", " "), { value: name })));
-    this.operator.value = fittingOperators.some((one) => one.name === was) ? was : ANY;
-    if (this.operator.value !== was || !this.words.textContent) this.choose();
-    this.go.disabled = !ids.length || !this.operators.length || this.isBusy;
+    if (!this.pane.hidden) this.loadOperators();
+    this.showGo();
   }
 
-  /** Operators for which the picks are enough. */
-  get fittingOperators() { return this.operators.filter((one) => one.fewest <= this.on.ids().length); }
+  showGo() { this.go.disabled = this.isBusy || !this.isReady || !this.parents.length || !this.operatorNames.length; }
+
+  /** Load the operators, and which of them suit the picks. */
+  async loadOperators() {
+    const key = this.parents.join();
+    if (key === this.operatorsKey) return;
+    this.operatorsKey = key;
+    const isLoaded = await attempt(this.on.trouble, async () => {
+      const { operators } = await this.server.getJson("operators", key ? { ids: key } : {});
+      if (key !== this.operatorsKey) return;
+      this.operators = operators;
+      offer(this.operator, [ANY, ...this.suiting.map((one) => one.name)].map((name) => [name, plain(name)]));
+      const others = element(this.operator, "optgroup", "", "", { label: "These operators do not suit the picks" });
+      for (const one of operators.filter(({ reason }) => reason)) {
+        element(others, "option", "", `${plain(one.name)}: ${one.reason}`, { value: one.name, disabled: "" });
+      }
+      this.choose();
+      this.showGo();
+    });
+    if (!isLoaded) this.operatorsKey = null;
+  }
+
+  /** Operators that suit the picks. */
+  get suiting() { return this.operators.filter((one) => !one.reason); }
 
   /** Operators that take turns. */
   get operatorNames() {
     if (this.operator.value !== ANY) return [this.operator.value];
-    return VARIETY.filter((name) => this.fittingOperators.some((one) => one.name === name));
+    return this.suiting.filter(({ name, of }) => of !== "fabric" || VARIETY.includes(name)).map(({ name }) => name).slice(0, MOST_OPERATORS);
   }
 
   choose() {
     const one = this.operators.find(({ name }) => name === this.operator.value);
+    if (this.words.textContent && one === this.chosenOperator) return;
+    this.chosenOperator = one;
     this.words.textContent = one ? one.told : "The operators take turns to breed the children, so that you can compare the children of different operators.";
     this.more.hidden = !one;
     this.parameters.replaceChildren();
     for (const { name, default: usual } of one ? one.parameters : []) {
-      const label = element(this.parameters, "label", "", `${name} `);
-      element(label, "input", "", "", { type: "text", name, placeholder: usual, spellcheck: "false" });
+      field(this.parameters, name, "text", "", { name, placeholder: usual, spellcheck: "false" });
     }
   }
 
@@ -125,33 +145,25 @@ export class Breed {
     this.shown = null;
     this.message.replaceChildren();
     return this.send("breed", {
-      operators: this.operatorNames, parameters: this.parameterValues, parents: this.on.ids().slice(0, 16),
+      operators: this.operatorNames, parameters: this.parameterValues, parents: this.parents,
       count: Number(this.count.value), seed: Number(this.seed.value), vary: this.vary.checked,
     });
   }
 
   async send(name, body) {
-    try {
-      this.showState(await this.server.postJson(name, body));
-      this.on.trouble(null);
-      this.follow();
-    } catch (error) {
-      this.on.trouble(error);
-    }
+    if (await attempt(this.on.trouble, async () => this.showState(await this.server.postJson(name, body)))) this.follow();
   }
 
   /** Look at the children until all are bred and measured. */
   async follow() {
-    if (this.following) return;
+    if (this.following || !this.isBusy) return;
     this.following = true;
-    try {
+    await attempt(this.on.trouble, async () => {
       while (this.isBusy) {
-        await new Promise((resolve) => setTimeout(resolve, SOON));
+        await pause(SOON);
         this.showState(await this.server.getJson("brood"));
       }
-    } catch (error) {
-      this.on.trouble(error);
-    }
+    });
     this.following = false;
   }
 
@@ -166,82 +178,60 @@ export class Breed {
     this.isBusy = busy;
     this.children = children;
     const count = (stage) => children.filter((one) => one.stage === stage).length;
+    const same = children.filter((one) => one.unchanged).length;
     const bred = count("bred") + count("measured");
     const text = error || (busy && !children.length ? "starting workers …" : !children.length ? "" :
       `Studio has bred ${bred} of ${children.length} children, and has measured ${count("measured")}` +
-      (count("failed") ? `, ${count("failed")} failed` : "") + (busy ? " …" : ".") +
+      (count("failed") ? `, ${count("failed")} failed` : "") + (same ? `, ${same} equal a parent` : "") + (busy ? " …" : ".") +
       (count("failed") === children.length ? ` ${children[0].error}` : ""));
-    if (this.state.textContent !== text) this.state.textContent = text;
+    announce(this.state, text);
     this.stop.hidden = !busy || !children.length;
     const reasons = Object.entries(left);
     this.leftOut.hidden = !reasons.length || !children.length;
     if (this.reasons.children.length !== reasons.length) {
       this.reasons.replaceChildren(...reasons.map(([name, why]) => element(null, "li", "", `${name}: ${why}.`)));
     }
-    this.small.request(children.filter((one) => ["bred", "measured"].includes(one.stage)).map((one) => one.number), 96);
+    this.small.request(children.filter((one) => BRED.includes(one.stage)).map((one) => one.number), 96);
     this.draw();
     this.detail();
     this.showKeepButton();
-    this.go.disabled = busy || !this.on.ids().length || !this.operators.length;
+    this.showGo();
   }
 
   button({ number: place, operator }) {
-    const button = element(null, "button", "node", "", { type: "button" });
-    element(button, "canvas", "", "", { "aria-hidden": "true" });
-    element(button, "span", "", operator.replaceAll("_", " "));
-    button.addEventListener("click", () => {
+    const made = button(null, "", () => {
       this.shown = place;
       this.picture();
       this.detail();
       this.draw();
+      this.files.inform();
     });
-    button.addEventListener("dblclick", () => this.mark(place, !this.kept.has(place)));
-    return button;
+    made.className = "evocity-node";
+    element(made, "canvas", "", "", { "aria-hidden": "true" });
+    element(made, "span", "", `${place}, bred by ${plain(operator)}`);
+    made.addEventListener("dblclick", () => this.mark(place, !this.kept.has(place)));
+    return made;
   }
 
   draw() {
-    for (const { number: place, operator, stage } of this.children) {
-      const button = this.grid.children[place], tile = this.small.get(place, 96);
-      const context = fitCanvas(button.firstChild, SIZE, SIZE);
-      context.fillStyle = "#efeae0";
-      context.fillRect(0, 0, SIZE, SIZE);
-      if (tile) context.drawImage(tile.image, tile.x, tile.y, tile.width, tile.height, 0, 0, SIZE, SIZE);
-      context.fillStyle = "#34302e";
-      context.font = "12px system-ui, sans-serif";
-      context.textAlign = "center";
-      if (!tile) context.fillText(stage === "failed" ? "failed" : "…", SIZE / 2, SIZE / 2 + 4);
-      const wide = context.measureText(place).width + 6;
-      context.fillStyle = "#f9f8f5";
-      context.fillRect(0, SIZE - 16, wide, 16);
-      context.fillStyle = "#34302e";
-      context.fillText(place, wide / 2, SIZE - 4);
-      const isKept = this.kept.has(place);
-      if (isKept) {
-        context.fillStyle = "#b0403f";
-        context.fillRect(SIZE - 18, 0, 18, 18);
-        context.fillStyle = "#fff";
-        context.fillText("✓", SIZE - 9, 13);
-      }
-      context.lineWidth = 4;
-      context.strokeStyle = "#34302e";
-      if (place === this.shown) context.strokeRect(0, 0, SIZE, SIZE);
-      button.setAttribute("aria-pressed", String(place === this.shown));
-      button.setAttribute("aria-label", `child ${place}, bred by ${operator.replaceAll("_", " ")}, ${stage}${isKept ? ", marked" : ""}`);
+    for (const { number: place, operator, stage, unchanged } of this.children) {
+      const node = this.grid.children[place], tile = this.small.get(place, 96), isKept = this.kept.has(place);
+      const context = paintTile(node.firstChild, tile, SIZE);
+      if (tile && this.lock) context.drawImage(this.lock, 0, 0, SIZE, SIZE);
+      node.classList.toggle("evocity-marked", isKept);
+      node.classList.toggle("evocity-failed", stage === "failed");
+      node.setAttribute("aria-pressed", String(place === this.shown));
+      node.setAttribute("aria-label", `child ${place}, bred by ${plain(operator)}, ${stage}${unchanged ? ", equal to a parent" : ""}${isKept ? ", marked" : ""}`);
     }
   }
 
   async picture() {
     const place = this.shown, { brood } = this;
-    if (!["bred", "measured"].includes(this.children[place].stage)) return;
-    try {
+    if (!BRED.includes(this.children[place].stage)) return;
+    await attempt(this.on.trouble, async () => {
       const blob = await this.server.getBlob("brood-picture", { brood, id: place });
-      if (place !== this.shown || brood !== this.brood) return;
-      if (this.address) URL.revokeObjectURL(this.address);
-      this.address = URL.createObjectURL(blob);
-      this.image.src = this.address;
-    } catch (error) {
-      this.on.trouble(error);
-    }
+      if (place === this.shown && brood === this.brood) showBlob(this.image, blob);
+    });
   }
 
   /** Show the details of the chosen child, again after each change. */
@@ -256,15 +246,13 @@ export class Breed {
     if (!child) return;
     const head = element(this.childDetail, "div", "row");
     element(head, "h2", "", `child ${child.number}`);
-    const label = element(head, "label");
-    const box = this.box = element(label, "input", "", "", { type: "checkbox" });
-    box.checked = this.kept.has(child.number);
-    box.disabled = !["bred", "measured"].includes(child.stage);
-    label.append("keep this child");
+    const box = this.box = tick(head, "keep this child", this.kept.has(child.number));
+    box.disabled = !BRED.includes(child.stage);
     box.addEventListener("change", () => this.mark(child.number, box.checked));
     if (hadFocus) box.focus();
-    element(this.childDetail, "p", "faint", `${child.operator.replaceAll("_", " ")} of ${child.parents.join(", ")}`);
+    element(this.childDetail, "p", "faint", `${plain(child.operator)} of ${child.parents.join(", ")}`);
     if (child.error) element(this.childDetail, "p", "lack", child.error);
+    if (child.unchanged) element(this.childDetail, "p", "lack", unchangedText(child));
     this.image = element(this.childDetail, "img", "", "", { alt: `map of heights of child ${child.number}, north up` });
     if (source) this.image.src = source;
     else this.image.hidden = true;
@@ -274,31 +262,30 @@ export class Breed {
 
   /** Mark a child to keep it, or unmark it. */
   mark(place, isKept) {
-    if (!["bred", "measured"].includes(this.children[place].stage)) return;
+    if (!BRED.includes(this.children[place].stage)) return;
     this.kept[isKept ? "add" : "delete"](place);
     this.showKeepButton();
     this.draw();
     if (place === this.shown) this.box.checked = isKept;
   }
 
+  /** The children to export: those that are marked, or else the shown one. */
+  get exported() { return this.kept.size ? [...this.kept] : this.children.filter(({ number: place, stage }) => place === this.shown && BRED.includes(stage)).map((one) => one.number); }
+
   showKeepButton() {
+    this.files.root.hidden = !this.children.length;
+    this.files.inform();
     this.keep.hidden = !this.children.length;
     this.hint.hidden = this.keep.hidden || this.kept.size > 0;
     this.keep.disabled = !this.kept.size || this.isBusy;
     this.keep.textContent = `save ${this.kept.size} ${this.kept.size === 1 ? "child" : "children"} and a recipe`;
   }
 
-  async keepThese() {
-    try {
-      showKept(this.message, await this.server.postJson("keep", {
-        brood: this.brood, children: [...this.kept], picks: this.on.ids().slice(0, 16),
-      }));
-      this.on.trouble(null);
-    } catch (error) {
-      this.on.trouble(error);
-    }
-  }
+  keepThese() { return keepChildren(this, { brood: this.brood, children: [...this.kept], picks: this.parents }); }
 }
+
+/** Why a child shows nothing new. */
+export const unchangedText = ({ unchanged, parents }) => `The child equals its parent ${parents[0]}: ${unchanged}.`;
 
 /** Show the measures of a child beside those of its parents. */
 export function showValues(parent, { values, parents }, births, marked = null) {
@@ -320,7 +307,9 @@ export function showValues(parent, { values, parents }, births, marked = null) {
   }
 }
 
-/** Show the folder of kept children, and the command that goes on from them. */
+/** Keep children, and show their folder and the command that goes on from them, as the message of a `pane`. */
+export const keepChildren = ({ server, message, on }, body) => attempt(on.trouble, async () => showKept(message, await server.postJson("keep", body)));
+
 export function showKept(parent, { folder, recipe, left, ours }) {
   parent.replaceChildren();
   element(parent, "span", "", `Studio saved the children in the folder ${folder}. To breed from the children and your picks, run this command:`);

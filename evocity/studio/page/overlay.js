@@ -1,8 +1,12 @@
 /** A map with a drawing over it, on a canvas: the measured part stands out, the locked part is hatched. */
 
+/** The hatched lock of a run, as large as its maps; transparent without a lock. */
+export const loadLock = async (server) => createImageBitmap(await server.getBlob("lock"));
+
 /** Draw the map `ours`, a canvas, with parts of `theirs` by `layers`: macro-blocks of `side` px on a `grid`, or,
- * if it `isPainted`, as opaque as λ. `scale`: CSS px for a px of the map. */
-export function drawLayers(context, layers, { ours, theirs, grid, side, scale, isPainted }) {
+ * if it `isPainted`, as opaque as λ. `scale`: CSS px for a px of the map; `lock`: the
+ * hatched lock of the run. */
+export function drawLayers(context, layers, { ours, theirs, grid, side, scale, isPainted, lock }) {
   const { height, width, cell, columns, painted, locked, within, blocks } = layers, step = cell * scale;
   context.imageSmoothingEnabled = false;
   context.drawImage(ours, 0, 0, width * scale, height * scale);
@@ -33,6 +37,7 @@ export function drawLayers(context, layers, { ours, theirs, grid, side, scale, i
   context.strokeStyle = "#34302e";
   context.lineWidth = 1;
   context.stroke(hatched);
+  context.drawImage(lock, 0, 0, width * scale, height * scale);
 }
 
 /** Draw the edge of the measured part. */
@@ -41,13 +46,10 @@ function outline(context, { cell, columns, rows, within }, scale) {
   const path = new Path2D();
   for (let y = 0; y <= rows; y++) {
     for (let x = 0; x <= columns; x++) {
-      if (isIn(y, x) !== isIn(y - 1, x)) {
+      for (const [down, across] of [[0, 1], [1, 0]]) {
+        if (isIn(y, x) === isIn(y - across, x - down)) continue;
         path.moveTo(x * step, y * step);
-        path.lineTo((x + 1) * step, y * step);
-      }
-      if (isIn(y, x) !== isIn(y, x - 1)) {
-        path.moveTo(x * step, y * step);
-        path.lineTo(x * step, (y + 1) * step);
+        path.lineTo((x + across) * step, (y + down) * step);
       }
     }
   }

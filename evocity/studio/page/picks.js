@@ -1,6 +1,9 @@
-import { countText, element, fitCanvas } from "./elements.js";
+import { attempt } from "./controls.js";
+import { button, choice, countText, element } from "./elements.js";
+import { Export } from "./export.js";
+import { paintTile } from "./tiles.js";
 
-const SIZE = 56;
+const SIZE = 56, MOST_EXPORTED = 20;
 
 /** The pane of picks with notes, and of births as files. `on`: showBirth(id), chosen(), choose(ids), picked(ids),
  * python(), trouble(error). */
@@ -10,46 +13,41 @@ export class Picks {
     this.ids = [];
     this.isGoing = false;
     const first = element(parent, "div", "row");
-    this.pickChosen = this.button(first, "", () => this.change({ change: "pick", ids: on.chosen() }));
-    this.undo = this.button(first, "undo", () => this.change({ change: "undo" }));
-    this.chooseThese = this.button(first, "choose the picks", () => on.choose(this.ids));
+    this.pickChosen = button(first, "", () => this.change({ change: "pick", ids: on.chosen() }));
+    this.undo = button(first, "undo", () => this.change({ change: "undo" }));
+    this.chooseThese = button(first, "choose the picks", () => on.choose(this.ids));
     this.list = element(parent, "ul", "picks");
     this.emptyText = element(parent, "p", "faint", "No picks yet. Click a birth to choose it; hold Ctrl and click to choose more births. Then pick the chosen births. You can add a note to each pick.");
     this.steer = element(parent, "div", "row");
-    this.button(this.steer, "use the picked births as parents in the run", () => this.command("pick"));
-    this.button(this.steer, "stop using the picked births as parents in the run", () => this.command("drop"));
+    button(this.steer, "use the picked births as parents in the run", () => this.command("pick"));
+    button(this.steer, "stop using the picked births as parents in the run", () => this.command("drop"));
     this.message = element(parent, "p", "faint", "", { role: "status" });
     element(parent, "h2", "part", "save as files");
     const files = element(parent, "div", "row");
-    this.source = element(element(files, "label", "", "of "), "select");
-    for (const text of ["the picks", "the chosen births"]) element(this.source, "option", "", text, { value: text });
+    this.source = choice(files, "of", ["the picks", "the chosen births"].map((text) => [text, text]));
     this.source.addEventListener("change", () => this.inform());
     this.files = [["zip", "zip"], ["contact sheet", "png"], ["CSV", "csv"]].map(([text, kind]) =>
-      this.button(files, text, () => this.save(kind)));
+      button(files, text, () => this.save(kind)));
     element(parent, "p", "faint", "The zip file contains each birth's GeoTIFF map, building footprints, picture and genome. " +
       "The zip file includes a 3D scene of each birth and a table of scores.");
+    this.export = new Export(parent, server, {
+      what: () => (this.exportIds.length ? { ids: this.exportIds.slice(0, MOST_EXPORTED) } : null),
+      words: () => {
+        const ids = this.exportIds, more = ids.length > MOST_EXPORTED ? `the first ${MOST_EXPORTED} of ` : "";
+        return ids.length === 1 ? `birth ${ids[0]}` : `${more}${countText(ids.length)} births`;
+      },
+    });
     element(parent, "h2", "part", "open in a notebook");
     this.python = element(parent, "textarea", "code", "", { readonly: "", rows: "4", "aria-label": "a line of Python" });
-    this.button(element(parent, "div", "row"), "copy", () => this.copy());
+    button(element(parent, "div", "row"), "copy", () => this.copy());
     this.place = element(parent, "p", "faint");
     this.showState({ picks: [], undo: 0, place: "" });
-  }
-
-  button(parent, text, act) {
-    const button = element(parent, "button", "", text, { type: "button" });
-    button.addEventListener("click", act);
-    return button;
   }
 
   async load() { this.showState(await this.server.getJson("picks")); }
 
   async change(change) {
-    try {
-      this.showState(await this.server.postJson("pick", change));
-      this.on.trouble(null);
-    } catch (error) {
-      this.on.trouble(error);
-    }
+    await attempt(this.on.trouble, async () => this.showState(await this.server.postJson("pick", change)));
   }
 
   /** Whether the run is running and takes commands. */
@@ -88,7 +86,7 @@ export class Picks {
     const text = element(item, "textarea", "", "", { rows: "2", maxlength: "2000", placeholder: "note", "aria-label": `note of birth ${id}` });
     text.value = note;
     text.addEventListener("change", () => this.change({ change: "note", ids: [id], note: text.value }));
-    this.button(item, "drop", () => this.change({ change: "drop", ids: [id] })).setAttribute("aria-label", `drop birth ${id}`);
+    button(item, "drop", () => this.change({ change: "drop", ids: [id] })).setAttribute("aria-label", `drop birth ${id}`);
     return item;
   }
 
@@ -99,11 +97,7 @@ export class Picks {
 
   draw() {
     for (const item of this.list.children) {
-      const tile = this.small.get(Number(item.dataset.id), 96);
-      const context = fitCanvas(item.querySelector("canvas"), SIZE, SIZE);
-      context.fillStyle = "#efeae0";
-      context.fillRect(0, 0, SIZE, SIZE);
-      if (tile) context.drawImage(tile.image, tile.x, tile.y, tile.width, tile.height, 0, 0, SIZE, SIZE);
+      paintTile(item.querySelector("canvas"), this.small.get(Number(item.dataset.id), 96), SIZE);
     }
   }
 
@@ -112,32 +106,25 @@ export class Picks {
     const chosen = this.on.chosen();
     this.pickChosen.textContent = `pick ${countText(chosen.length)} chosen`;
     this.pickChosen.disabled = !chosen.length;
-    for (const button of this.files) button.disabled = !this.exportIds.length;
+    for (const one of this.files) one.disabled = !this.exportIds.length;
+    this.export.inform();
     this.python.value = this.on.python();
   }
 
-  get exportIds() { return this.source.value === "the picks" ? this.ids : this.on.chosen(); }
+  /** The picks or the chosen births; the chosen births if there are no picks. */
+  get exportIds() { return this.source.value === "the picks" && this.ids.length ? this.ids : this.on.chosen(); }
 
   async save(kind) {
     this.message.textContent = "writing files …";
-    try {
-      await this.server.downloadFile(kind, { ids: this.exportIds }, `births.${kind}`);
-      this.message.textContent = `The file births.${kind} is in your downloads folder.`;
-      this.on.trouble(null);
-    } catch (error) {
-      this.message.textContent = "";
-      this.on.trouble(error);
-    }
+    const isSaved = await attempt(this.on.trouble, () => this.server.downloadFile(kind, { ids: this.exportIds }, `births.${kind}`));
+    this.message.textContent = isSaved ? `The file births.${kind} is in your downloads folder.` : "";
   }
 
-  async command(steer) {
-    try {
+  command(steer) {
+    return attempt(this.on.trouble, async () => {
       const { words, going } = await this.server.postJson("steer", { steer, ids: this.ids });
       this.message.textContent = `${words}; ${going ? "from the next generation on" : "when the run resumes"}`;
-      this.on.trouble(null);
-    } catch (error) {
-      this.on.trouble(error);
-    }
+    });
   }
 
   async copy() {

@@ -1,14 +1,19 @@
-import { element, number } from "./elements.js";
+import { showBlob } from "./controls.js";
+import { button, element, number } from "./elements.js";
+import { FIELDS, FieldSearch } from "./fields.js";
+import { Switches } from "./switches.js";
 
-/** Pictures of a birth, by their names for the server. */
-const PICTURES = [["map", "map"], ["stones", "ancestry"]];
-/** Maps of the calls to its own parts, by their names for the server, and in words. */
-const COUNTS = [["ranges", "usage", "how many lifs copy from each domain block"],
-  ["pixels", "µ", "how many lifs copy from each pixel"]];
+/** Pictures of a birth: the name for the server, the button, and words. */
+const PICTURES = [["map", "map", "map of heights, north up"], ["stones", "ancestry", "map coloured by source city"]];
+/** Maps of the calls to its own parts. */
+const COUNTS = [["ranges", "calls of blocks", "how many lifs copy the domain block of each range block"],
+  ["pixels", "calls of pixels", "how many lifs copy each pixel"]];
 /** Views in three dimensions, which the page draws itself. */
 const SPACES = [["columns", "3D"], ["walk", "walk"]];
 /** The picture that needs a pinned birth. */
 const DIFFERENCE = "difference";
+const KINDS = [...PICTURES, ...COUNTS, ...FIELDS, ...SPACES, [DIFFERENCE, DIFFERENCE]];
+const isOf = (kinds, kind) => kinds.some(([one]) => one === kind);
 
 /** Pictures of a birth from the `server` of its run; of two births side by side, on one scale and from one
  * viewpoint. */
@@ -16,47 +21,55 @@ export class Pictures {
   constructor(parent, server) {
     this.server = server;
     this.kind = "map";
-    const kinds = element(parent, "div", "row", "", { role: "group", "aria-label": "picture" });
-    this.kinds = new Map([...PICTURES, ...COUNTS, ...SPACES, [DIFFERENCE, DIFFERENCE]].map(([kind, text]) => {
-      const button = element(kinds, "button", "", text, { type: "button" });
-      button.disabled = true; // until a birth is shown
-      button.addEventListener("click", () => this.picture(kind));
-      return [kind, button];
-    }));
+    const kinds = element(parent, "div", "row", "", { role: "group", "aria-label": "picture" }), again = () => this.picture(this.kind);
+    this.kinds = new Map(KINDS.map(([kind, text, title = ""]) => [kind, button(kinds, text, () => this.picture(kind), { title, disabled: "" })]));
+    this.switches = new Switches(parent, again);
+    this.fields = new FieldSearch(parent, server, { changed: again, stopped: () => this.begin(this.kind, "You stopped the search.") });
     this.pair = element(parent, "div", "pair");
     this.figures = [0, 1].map(() => {
       const root = element(this.pair, "figure");
       return { root, caption: element(root, "figcaption"), image: element(root, "img") };
     });
     this.legend = element(parent, "p", "faint");
+    parent.append(this.fields.curve);
     this.space = element(parent, "div", "space");
-    this.space.hidden = true;
     this.lack = element(parent, "p", "lack");
+    this.begin(null, "");
+    this.space.hidden = true;
   }
 
-  /** Show a birth, `beside` another or none (null); `isPictured`: whether it has pictures. */
-  show(id, beside, isPictured) {
+  /** Show a birth, `beside` another or none (null); `isPictured`: whether it has pictures; `isFabric`: whether its parts
+   * come from cities. */
+  show(id, beside, isPictured, isFabric) {
     [this.id, this.beside] = [id, beside];
-    if (beside === null && this.kind === DIFFERENCE) this.kind = "map";
-    return this.picture(isPictured ? this.kind : null);
+    const isMissing = (kind) => (kind === DIFFERENCE ? beside === null : !isFabric && isOf([PICTURES[1], ...COUNTS], kind));
+    if (isMissing(this.kind)) this.kind = "map";
+    for (const [kind, one] of this.kinds) one.disabled = !isPictured || isMissing(kind);
+    if (isPictured) return this.picture(this.kind);
+    this.begin(null, "This birth has no picture.");
+    return null;
+  }
+
+  /** Begin a kind of picture, with its controls; returns whether no later one began. */
+  begin(kind, lack) {
+    const request = this.request = {};
+    this.switches.show(isOf(SPACES, kind));
+    this.fields.show(isOf(FIELDS, kind));
+    this.legend.textContent = "";
+    this.showLack(lack);
+    return () => request === this.request;
   }
 
   /** Show a kind of picture; later answers to earlier requests are ignored. */
   async picture(kind) {
-    const { id, beside } = this, request = this.request = {}, isCurrent = () => request === this.request;
-    for (const [one, button] of this.kinds) button.disabled = !kind || (one === DIFFERENCE && beside === null);
-    this.legend.textContent = "";
-    if (!kind) {
-      this.showLack("This birth has no picture.");
-      return;
-    }
+    const { id, beside } = this, isCurrent = this.begin(kind, "");
     this.kind = kind;
-    for (const [one, button] of this.kinds) button.setAttribute("aria-pressed", String(one === kind));
+    for (const [one, pressed] of this.kinds) pressed.setAttribute("aria-pressed", String(one === kind));
     try {
-      if (SPACES.some(([one]) => one === kind)) await this.draw(kind, isCurrent);
-      else await this.images(kind, id, kind === DIFFERENCE ? null : beside, isCurrent);
+      if (isOf(SPACES, kind)) await this.draw(kind, isCurrent);
+      else await this.images(kind, beside === null || kind === DIFFERENCE ? [id] : [id, beside], isCurrent);
     } catch (error) {
-      if (isCurrent()) this.showLack(`This birth has no picture: ${error.message}`);
+      if (isCurrent()) this.begin(kind, `This birth has no picture: ${error.message}`);
     }
   }
 
@@ -67,75 +80,78 @@ export class Pictures {
     if (text) this.pair.hidden = this.space.hidden = true;
   }
 
-  async images(kind, id, beside, isCurrent) {
-    const ids = beside === null ? [id] : [id, beside];
+  async images(kind, ids, isCurrent) {
+    if (isOf(FIELDS, kind)) {
+      this.pair.hidden = this.space.hidden = true;
+      await this.fields.find(ids, isCurrent);
+      if (!isCurrent()) return;
+    }
     const images = await Promise.all(ids.map((one, place) => this.imageOf(kind, one, ids[1 - place])));
     if (!isCurrent()) return;
     this.figures.forEach(({ root, caption, image }, place) => {
       const picture = images[place];
       root.hidden = !picture;
       if (!picture) return;
-      caption.textContent = place ? `birth ${beside}, pinned` : `birth ${id}`;
-      caption.hidden = beside === null;
-      if (image.src) URL.revokeObjectURL(image.src);
-      image.src = URL.createObjectURL(picture.blob);
+      caption.textContent = place ? `birth ${ids[1]}, pinned` : `birth ${ids[0]}`;
+      caption.hidden = ids.length < 2;
+      showBlob(image, new Blob([picture.content], { type: "image/png" }));
       image.alt = picture.words;
-      image.classList.toggle("evocity-pixels", COUNTS.some(([one]) => one === kind));
+      image.classList.toggle("evocity-pixels", isOf([...COUNTS, ...FIELDS], kind));
     });
     this.legend.textContent = [...new Set(images.map((one) => one.legend || ""))].join(" ");
-    this.pair.hidden = this.figures[0].image.hidden = false;
+    if (isOf(FIELDS, kind)) this.fields.showCurves(images.map((one) => one.curve));
+    this.pair.hidden = false;
     this.space.hidden = true;
-    this.showLack("");
   }
 
-  /** One picture, on one scale with an `other` birth, if there is one: {blob, words, legend}. */
+  /** One picture, on one scale with an `other` birth, if there is one: {content, words, legend}. */
   async imageOf(kind, id, other) {
-    const beside = other === undefined ? {} : { beside: other };
-    const count = COUNTS.find(([one]) => one === kind);
-    const png = (content) => new Blob([content], { type: "image/png" });
-    if (count) {
-      const { about, content } = await this.server.getFramed("calls", { id, count: kind, ...beside });
+    const isOne = other === undefined, query = isOne ? { id } : { id, beside: other };
+    const [, , title] = KINDS.find(([one]) => one === kind), words = `birth ${id}: ${title}`;
+    if (isOf(FIELDS, kind)) return { words, ...await this.fields.mapOf(kind, id) };
+    if (isOf(PICTURES, kind)) return { words, content: await this.server.getBlob("picture", { kind, ...query }) };
+    if (isOf(COUNTS, kind)) {
+      const { about, content } = await this.server.getFramed("calls", { count: kind, ...query });
       const more = about.most > about.end ? `; a few values reach ${about.most}` : "";
-      const whose = other === undefined ? "" : `, birth ${id}`;
-      return { blob: png(content), words: `birth ${id}: ${count[2]}`,
-        legend: `${count[2]}${whose}: the colour scale covers values from 0 to ${number(about.end)}${more}.` };
+      return { content, words, legend: `${title}${isOne ? "" : `, birth ${id}`}: the colour scale covers values from 0 to ${number(about.end)}${more}.` };
     }
-    if (kind === DIFFERENCE) {
-      const { about, content } = await this.server.getFramed("difference", { id, beside: this.beside });
-      const share = `${(100 * about.apart).toFixed(about.apart < 0.1 ? 1 : 0)} %`;
-      const mean = `${about.more < 0 ? "−" : "+"}${number(Math.abs(about.more))} m`;
-      return { blob: png(content), words: `difference of heights: red where birth ${id} is higher, blue where birth ${this.beside} is higher`,
-        legend: `Birth ${id} minus birth ${this.beside}: red is higher, blue is lower. ${share} of the map differs by more than a storey; the mean difference is ${mean}.` };
-    }
-    return { blob: await this.server.getBlob("picture", { id, kind, ...beside }),
-      words: { map: `map of heights of birth ${id}, north up`, stones: `map of birth ${id}, coloured by source city` }[kind] };
+    const { beside } = this, { about, content } = await this.server.getFramed("difference", { id, beside });
+    const share = `${(100 * about.apart).toFixed(about.apart < 0.1 ? 1 : 0)} %`;
+    const mean = `${about.more < 0 ? "−" : "+"}${number(Math.abs(about.more))} m`;
+    return { content, words: `difference of heights: red where birth ${id} is higher, blue where birth ${beside} is higher`,
+      legend: `Birth ${id} minus birth ${beside}: red is higher, blue is lower. ${share} of the map differs by more than a storey; the mean difference is ${mean}.` };
   }
 
   /** Draw in three dimensions; the modules for this load at first use. */
   async draw(kind, isCurrent) {
-    const ids = [this.id, this.beside].filter((one) => one !== null);
-    const [{ Space }, ...maps] = await Promise.all([import("./space.js"), ...ids.map((id) => this.server.getFramed("heights", { id }))]);
+    const ids = [this.id, this.beside].filter((one) => one !== null), { query } = this.switches;
+    const [{ Space }, { library }, ...maps] = await Promise.all([import("./space.js"), this.server.getJson("scene-options"),
+      ...ids.map((id) => this.server.getFramed("heights", { id }))]);
     if (!isCurrent()) return;
+    this.switches.offerLibrary(library);
     this.spaceView ||= new Space(this.space);
     this.pair.hidden = true;
     this.space.hidden = false;
-    this.showLack("");
     this.spaceView.show(maps.map(({ about, content }, place) => ({
-      city: {
-        heights: new Float32Array(content.slice().buffer), rows: about.height, columns: about.width,
-        metresPerPixel: about.metres, highest: this.highest,
-      },
-      title: `birth ${ids[place]}${place ? ", pinned" : ""}`,
-    })), kind === "walk");
-    if (this.spaceView.kind !== "walk") return;
+      city: cityOf(about, content, this.highest), title: `birth ${ids[place]}${place ? ", pinned" : ""}`,
+    })), kind === "columns" && Object.keys(query).length ? "solids" : kind);
+    if (this.spaceView.kind === "columns") return;
     for (const [place, id] of ids.entries()) { // blocks of pixels until these arrive
       try {
-        const bytes = await (await this.server.getBlob("solids", { id })).arrayBuffer();
+        const { about, content } = await this.server.getFramed("solids", { id, ...query });
         if (!isCurrent()) return;
-        this.spaceView.setSolids(place, bytes);
+        this.spaceView.setSolids(place, content.slice().buffer);
+        if (!place) this.switches.showKey(about.groups);
+        if (query.library) this.legend.textContent = about.attribution;
       } catch (error) {
         if (isCurrent()) this.legend.textContent = `Birth ${id} has no building outlines, so the walls follow the pixels: ${error.message}`;
       }
     }
   }
 }
+
+/** A city for `Space` from an answer of the server. */
+export const cityOf = (about, content, highest) => ({
+  heights: new Float32Array(content.slice().buffer), rows: about.height, columns: about.width, metresPerPixel: about.metres,
+  highest, latitude: about.latitude,
+});

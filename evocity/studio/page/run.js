@@ -30,7 +30,7 @@ export class Run {
     });
     const list = element(this.side, "div", "tabs", "", { role: "tablist", "aria-label": "panes" });
     this.tabs = new Tabs(list, this.side, ["birth", "picks", "breed", "draw"], number);
-    this.small = new Tiles((ids, size) => this.sheet(ids, size), () => this.drawTiles());
+    this.small = new Tiles((ids, size) => this.sheet(ids, size), () => this.picks.drawTiles());
     const hear = {
       showBirth: (id) => this.showBirth(id),
       pick: (ids) => this.picks.change({ change: "pick", ids }),
@@ -42,7 +42,7 @@ export class Run {
       python: () => (this.state ? pythonOf(this.about.folder, this.state) : ""),
       trouble: (error) => !this.isClosed && on.report(error, "request"),
     };
-    this.birth = new BirthPane(this.tabs.panes.birth, this.server, this.small, hear);
+    this.birth = new BirthPane(this.tabs.panes.birth, this.server, hear);
     this.breed = new Breed(this.tabs.panes.breed, this.server, {
       ids: () => (this.picks ? this.picks.ids : []), births: () => this.viewer.births, trouble: hear.trouble,
     });
@@ -86,6 +86,7 @@ export class Run {
       if (this.isClosed) return;
       const isOther = this.about && news.run !== this.about.run;
       if (!this.about) await this.picks.load();
+      this.isGoing = news.going;
       if ((news.more || isOther) && !news.problem && !(this.about && this.on.isHeld())) await this.renew();
       this.inform(news);
       this.on.report(news.problem, "news");
@@ -104,9 +105,18 @@ export class Run {
     else parts.push(`generation ${countText(this.about.generation)}`, `${countText(this.about.count)} births`);
     parts.push(news.going ? "running" : "finished");
     this.picks.going = news.going;
+    if (news.going) this.wasGoing = true;
+    else if (this.viewer && (this.wasGoing || this.viewer.newCount) && !news.more && !this.on.isHeld()) this.end();
     this.control.inform(news);
     this.news = parts.join(" · ");
     this.on.inform();
+  }
+
+  /** Settle the births of a run that ended, and show the births to keep, unless a user has chosen a view. */
+  end() {
+    this.wasGoing = false;
+    this.viewer.settle();
+    if (!this.state.view) this.viewer.change({ view: "keep" });
   }
 
   /** Load all whole generations again, so that no birth comes twice. */
@@ -124,16 +134,17 @@ export class Run {
   begin(about, content) {
     if (this.viewer) this.viewer.close();
     this.small.forget();
-    const order = { name: about.axes.length ? about.axes[0].name : "id", reversed: false };
-    this.usual = { chosen: [], brushes: {}, order, axes: about.axes };
+    this.usual = { chosen: [], brushes: {}, order: about.order, axes: about.axes };
     const { one, pinned, ...state } = checkState(this.saved, new Births(about, content), this.usual);
     this.state = { ...state, one, pinned };
     this.main.setAttribute("aria-label", `all births of ${about.title}`);
     this.side.setAttribute("aria-label", `details of ${about.title}, with tabs for births, picks and children`);
     this.viewer = new Viewer(this.births, {
-      about, buffer: content, state,
+      about, buffer: content, state: { ...state, view: state.view || (this.isGoing ? "axes" : "keep") },
       save: (changes) => this.save(changes),
       tiles: (ids, side) => this.sheet(ids, side),
+      part: (name) => this.server.getJson("part", { name }).then(({ value }) => value),
+      ask: (name, body) => this.server.postJson(name, body),
       activate: (id) => this.activate(id),
       compare: (body) => this.server.postNumbers("compare", body),
       trouble: (error) => this.on.report(error, "request"),
@@ -173,11 +184,6 @@ export class Run {
     if (!this.viewer) return;
     this.viewer.gallery.marked = new Set(ids);
     this.viewer.gallery.draw();
-  }
-
-  drawTiles() {
-    this.birth.drawTiles();
-    this.picks.drawTiles();
   }
 
   // -- one birth -------------------------------------------------------------------------------

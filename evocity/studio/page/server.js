@@ -1,14 +1,15 @@
 /** Requests to the server, and its errors. */
 
-/** An error that the server found, in three parts: what arrived, what was expected, what to do. */
+/** The three parts of an error as a text: what arrived, what was expected, what to do. */
+export const faultText = ({ found, expected, remedy }) => `${found} (expected: ${expected}; what to do: ${remedy})`;
+
+/** An error that the server found, in three parts. */
 export class Fault extends Error {
-  constructor({ found, expected, remedy }) {
-    super(`${found} (expected: ${expected}; what to do: ${remedy})`);
-  }
+  constructor(fault) { super(faultText(fault)); }
 }
 
 /** The server does not answer, or not this page. */
-export class Gone extends Error {}
+class Gone extends Error {}
 
 async function request(address, options = {}) {
   let answer;
@@ -34,7 +35,7 @@ export const getJson = async (name, query = {}) => (await get(name, query)).json
 export const getBlob = async (name, query) => (await get(name, query)).blob();
 
 /** JSON and bytes in one answer: {about, content}. */
-export async function getFramed(name, query = {}) {
+async function getFramed(name, query = {}) {
   const bytes = await (await get(name, query)).arrayBuffer();
   const length = new DataView(bytes).getUint32(0, true);
   const about = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length)));
@@ -42,7 +43,7 @@ export async function getFramed(name, query = {}) {
 }
 
 /** Small pictures, as `Tiles` expects them. */
-export async function getTiles(name, query) {
+async function getTiles(name, query) {
   const { about, content } = await getFramed(name, query);
   return { ...about, image: new Blob([content], { type: about.kind }) };
 }
@@ -51,16 +52,16 @@ export async function getTiles(name, query) {
 export const postJson = async (name, body) => (await post(name, body)).json();
 
 /** Send JSON; the float32 numbers that answer it. */
-export const postNumbers = async (name, body) => new Float32Array(await (await post(name, body)).arrayBuffer());
+const postNumbers = async (name, body) => new Float32Array(await (await post(name, body)).arrayBuffer());
 
-/** Send JSON; the browser saves the answer under a name. */
+/** Send JSON; the browser saves the answer under the answer's own name, or else as `file`. Returns the name. */
 export async function downloadFile(name, body, file) {
-  const address = URL.createObjectURL(await (await post(name, body)).blob());
-  const link = document.createElement("a");
-  link.href = address;
-  link.download = file;
+  const answer = await post(name, body), link = document.createElement("a");
+  link.href = URL.createObjectURL(await answer.blob());
+  link.download = /filename="([^"]+)"/.exec(answer.headers.get("content-disposition"))?.[1] || file;
   link.click();
-  setTimeout(() => URL.revokeObjectURL(address), 60000);
+  setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+  return link.download;
 }
 
 const get = (name, query) => request(`/api/${name}?${new URLSearchParams(query)}`);
@@ -69,8 +70,8 @@ const post = (name, body) => request(`/api/${name}`, {
   method: "POST", headers: { "content-type": "application/json", "x-evocity": "studio" }, body: JSON.stringify(body),
 });
 
-/** Send a file under its name; the JSON that answers it. */
-export const uploadFile = async (name, file) => (await request(`/api/${name}?${new URLSearchParams({ name: file.name })}`, {
+/** Send a file under its name, with `more` arguments; the JSON that answers it. */
+export const uploadFile = async (name, file, more = {}) => (await request(`/api/${name}?${new URLSearchParams({ name: file.name, ...more })}`, {
   method: "POST", headers: { "content-type": "application/octet-stream", "x-evocity": "studio" }, body: file,
 })).json();
 

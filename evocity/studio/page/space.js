@@ -1,6 +1,6 @@
 import { Axonometry } from "./axonometry.js";
 import { Orbit, Stroll } from "./camera.js";
-import { element } from "./elements.js";
+import { element, field } from "./elements.js";
 import { sunAt } from "./sun.js";
 import { Walk, supported } from "./walk.js";
 
@@ -8,24 +8,22 @@ const HOW = {
   columns: "Drag to turn and tilt; drag with Shift to move. Zoom with the wheel, plus or minus. Turn with the arrow keys. Key 0 shows the whole map.",
   walk: "Walk with W, A, S, D or the arrow keys; Shift makes you faster. Drag, or press Q or E, to look around. Rise and sink with Page Up and Page Down.",
 };
+HOW.solids = HOW.columns;
+/** The canvas of a kind. */
+const canvasOf = (kind) => (kind === "columns" ? kind : "walk");
 
-/** A city in three dimensions: exact columns in parallel projection, or a walk in the light of a date and an hour;
- * also two cities of one size from the same viewpoint. The next city appears from the viewpoint of the last one. */
+/** A city in three dimensions: exact columns in parallel projection, solids from outside, or a walk, both in the light
+ * of a date and an hour; also two cities of one size from the same viewpoint. The next city appears from the viewpoint of the last one. */
 export class Space {
   constructor(parent) {
     this.pair = element(parent, "div", "pair");
     this.views = [];
     this.how = element(parent, "p", "faint");
     this.light = element(parent, "div", "row");
-    const field = (text, type, value, limits) => {
-      const input = element(element(this.light, "label", "", `${text} `), "input", "", "", { type, ...limits });
-      input.value = value;
-      input.addEventListener("input", () => this.draw());
-      return input;
-    };
-    this.date = field("date", "date", "2026-06-21", { min: "1950-01-01", max: "2050-12-31" });
-    this.hour = field("hour", "range", "15", { min: "0", max: "24", step: "0.25" });
-    this.latitude = field("latitude", "number", "45", { min: "-90", max: "90", step: "1" });
+    this.light.addEventListener("input", () => this.draw());
+    this.date = field(this.light, "date", "date", "2026-06-21", { min: "1950-01-01", max: "2050-12-31" });
+    this.hour = field(this.light, "hour", "range", "15", { min: "0", max: "24", step: "0.25" });
+    this.latitude = field(this.light, "latitude", "number", "45", { min: "-90", max: "90", step: "0.1" });
     this.hands = {};
     new ResizeObserver(() => this.draw()).observe(parent);
   }
@@ -33,22 +31,25 @@ export class Space {
   /** The drawers of the first city. */
   get drawers() { return this.views[0].drawers; }
 
-  /** Show one city or two, {city, title}; as a walk if it `isWalk` and the browser can. A walk through two cities
-   * stays where both are open. */
-  show(listed, isWalk) {
-    const kind = this.kind = isWalk && supported() ? "walk" : "columns";
-    this.light.hidden = kind !== "walk";
-    this.how.textContent = (isWalk && kind === "columns" ? "This browser lacks WebGL2, so the page shows the city from outside, without a walk through the streets. " : "") + HOW[kind];
+  /** Show one city or two, {city, title}, as "columns", or as "solids" or a "walk" if the browser can. A walk through
+   * two cities stays where both are open. */
+  show(listed, wanted) {
+    const kind = this.kind = supported() ? wanted : "columns";
+    this.light.hidden = kind === "columns";
+    const { latitude } = listed[0].city;
+    if (latitude !== undefined && latitude !== null && latitude !== this.given) this.latitude.value = latitude.toFixed(1);
+    this.given = latitude;
+    this.how.textContent = (wanted !== kind ? "This browser lacks WebGL2, so the page shows columns from outside, without streets, classes, objects or a walk. " : "") + HOW[kind];
     while (this.views.length < listed.length) this.views.push(new View(this.pair));
     this.views.forEach((view, place) => view.show(listed[place], kind, listed.length > 1));
     this.shown = this.views.slice(0, listed.length);
-    const Hand = kind === "walk" ? Stroll : Orbit, was = this.hands[kind];
-    if (was) was.detach();
+    const Hand = kind === "walk" ? Stroll : Orbit, way = kind === "walk" ? kind : "columns", was = this.hands[way];
+    for (const one of Object.values(this.hands)) one.detach();
     const all = highestOfAll(listed.map((one) => one.city)), make = (camera) => new Hand(all, () => this.draw(), camera);
     let hand = make(was ? was.hand.camera : {});
     if (kind === "walk" && listed.length > 1 && !hand.isFree(...hand.camera.position)) hand = make({}); // within a wall of one
-    const ends = this.shown.map((view) => hand.attach(view.canvases[kind]));
-    this.hands[kind] = { hand, detach: () => ends.forEach((end) => end()) };
+    const ends = this.shown.map((view) => hand.attach(view.canvases[canvasOf(kind)]));
+    this.hands[way] = { hand, detach: () => ends.forEach((end) => end()) };
     this.draw();
   }
 
@@ -61,7 +62,7 @@ export class Space {
   draw() {
     const { kind } = this;
     if (!kind) return;
-    const { camera } = this.hands[kind].hand;
+    const { camera } = this.hands[kind === "walk" ? kind : "columns"].hand;
     const sun = sunAt(Number(this.latitude.value) || 0, this.date.value || "2026-06-21", Number(this.hour.value));
     for (const view of this.shown) view.draw(kind, camera, sun);
   }
@@ -84,18 +85,18 @@ class View {
     this.city = city;
     this.caption.textContent = title;
     this.caption.hidden = !isOneOfTwo;
-    for (const [one, canvas] of Object.entries(this.canvases)) canvas.hidden = one !== kind;
-    this.canvases[kind].setAttribute("aria-label", `${title} in three dimensions. ${HOW[kind]}`);
-    if (this.drawers[kind]) this.drawers[kind].show(city);
-    else this.drawers[kind] = new (kind === "walk" ? Walk : Axonometry)(this.canvases[kind], city);
+    const name = canvasOf(kind);
+    for (const [one, canvas] of Object.entries(this.canvases)) canvas.hidden = one !== name;
+    this.canvases[name].setAttribute("aria-label", `${title} in three dimensions. ${HOW[kind]}`);
+    if (this.drawers[name]) this.drawers[name].show(city);
+    else this.drawers[name] = new (name === "walk" ? Walk : Axonometry)(this.canvases[name], city);
   }
 
   setSolids(bytes) { this.drawers.walk.show(this.city, bytes); }
 
   draw(kind, camera, sun) {
-    if (!this.canvases[kind].clientWidth) return;
-    if (kind === "columns") this.drawers.columns.draw(camera);
-    else this.drawers.walk.draw(camera, sun);
+    const name = canvasOf(kind);
+    if (this.canvases[name].clientWidth) this.drawers[name].draw(camera, sun);
   }
 }
 

@@ -1,5 +1,6 @@
 import { isFailed } from "./control.js";
-import { element } from "./elements.js";
+import { announce } from "./controls.js";
+import { button, element } from "./elements.js";
 
 /** The runs that began at the desk. `waits`: the folder of the run that is shown at its first generation. `on`:
  * show(run); stop(place), in the list. */
@@ -10,6 +11,12 @@ export class Starts {
     this.list = element(parent, "ul", "starts", "", { "aria-label": "runs that began here" });
     this.items = new Map();
     this.waits = null;
+  }
+
+  /** Show the run at its first generation; until then show its progress in an element `beside` the button, too. */
+  follow({ folder, name }, beside) {
+    [this.waits, this.beside] = [folder, beside];
+    beside.textContent = `${name}: starting …`;
   }
 
   show(started) {
@@ -24,7 +31,8 @@ export class Starts {
       item.stop.hidden = has || !at;
       item.output.hidden = has && !failed;
       const text = failed ? run.said : run.said.split("\n").at(-1) || "…";
-      if (item.output.textContent !== text) item.output.textContent = text;
+      announce(item.output, text);
+      if (folder === this.waits && this.beside) announce(this.beside, has ? "" : `${run.name}: ${failed ? "failed; the list of runs shows its output" : text}`);
     }
     this.head.hidden = !started.length;
     const last = started.find((run) => run.folder === this.waits);
@@ -37,10 +45,8 @@ export class Starts {
     const root = element(this.list, "li"), item = {};
     element(root, "b", "", name);
     item.state = element(root, "span", "", "", { role: "status" });
-    item.show = element(root, "button", "", `show ${name}`, { type: "button" });
-    item.show.addEventListener("click", () => this.on.show(item.run));
-    item.stop = element(root, "button", "", `stop ${name}`, { type: "button" });
-    item.stop.addEventListener("click", () => this.on.stop(place));
+    item.show = button(root, `show ${name}`, () => this.on.show(item.run));
+    item.stop = button(root, `stop ${name}`, () => this.on.stop(place));
     element(root, "p", "faint", `Recipe: ${recipe}. Folder: ${folder}.`);
     item.output = element(root, "pre", "toml", "", { tabindex: "0", role: "group", "aria-label": `output of ${name}` });
     return item;

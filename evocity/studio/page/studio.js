@@ -1,13 +1,13 @@
 import { readAddress, writeAddress } from "./address.js";
 import { Desk } from "./desk.js";
-import { element } from "./elements.js";
+import { choice, offer } from "./elements.js";
 import { Run } from "./run.js";
 import { getJson } from "./server.js";
 
 /** Milliseconds between two looks for runs: on a visible page, and on a hidden one. */
 const VISIBLE = 5000, HIDDEN = 30000;
-/** The address of the desk. */
-const DESK = "#desk";
+/** The addresses of the desk and of the modeller. */
+const DESK = "#desk", MODELLER = "#modeller";
 
 /** The page: one run, or two side by side; at the right, details of the run that was used last. */
 class Studio {
@@ -20,9 +20,9 @@ class Studio {
     this.runs = []; // the visible runs
     this.states = new Map(); // of all runs that were visible
     this.chooser = document.getElementById("runs");
-    this.choosers = ["run", "second run"].map((text) => element(element(this.chooser, "label", "", `${text} `), "select"));
-    for (const one of this.choosers) one.addEventListener("change", () => this.choose());
+    this.choosers = ["run", "second run"].map((text) => choice(this.chooser, text, [], () => this.choose()));
     this.pressed = new Set();
+    [this.isModelling, this.modeller] = [false, null];
     for (const name of ["pointerdown", "pointerup", "pointercancel"]) {
       window.addEventListener(name, ({ pointerId }) => {
         if (name === "pointerdown") this.pressed.add(pointerId);
@@ -36,6 +36,7 @@ class Studio {
       trouble: (error, of) => this.report(error, of),
       show: (run) => this.showRun(run),
     });
+    document.getElementById("shapes").addEventListener("click", () => { location.hash = MODELLER; });
     window.addEventListener("hashchange", () => this.go());
     document.addEventListener("visibilitychange", () => {
       if (!document.hidden) this.look();
@@ -69,7 +70,7 @@ class Studio {
     try {
       const { runs, more } = await getJson("runs");
       this.list(runs, more);
-      if (!this.runs.length && !this.desk.isShown) this.go();
+      if (!this.runs.length && !this.desk.isShown && !this.isModelling) this.go();
       if (!runs.length) this.news.textContent = "no runs yet";
       this.report(null, "runs");
     } catch (error) {
@@ -81,13 +82,34 @@ class Studio {
 
   /** Show the contents of the address: runs, or the desk, also without any run. */
   go() {
-    const isDesk = location.hash === DESK || !this.listed.length;
+    const isModeller = location.hash === MODELLER, isDesk = !isModeller && (location.hash === DESK || !this.listed.length);
+    if (isModeller !== this.isModelling) this.showModeller(isModeller);
     if (isDesk !== this.desk.isShown) this.desk.show(isDesk);
-    this.shown.hidden = isDesk;
+    this.shown.hidden = isDesk || isModeller;
     this.nameDeskButton();
-    if (isDesk) document.title = "new run – evocity studio";
+    if (!isModeller) this.report(null, "modeller");
+    if (isModeller) document.title = "modeller – evocity studio";
+    else if (isDesk) document.title = "new run – evocity studio";
+    else if (location.hash.length < 2 && this.runs.length) this.open(this.runs.map((one) => one.held)); // back from the desk
     else this.open(readAddress((run) => this.isRun(run)));
     if (!isDesk) for (const of of ["desk", "desk news"]) this.report(null, of);
+  }
+
+  /** Show or hide the modeller, whose modules load at its first use. */
+  async showModeller(isShown) {
+    this.isModelling = isShown;
+    try {
+      const module = isShown || this.modeller ? await import("./modeller.js") : null;
+      if (module) {
+        this.modeller ||= new module.Modeller(document.getElementById("modeller"), {
+          trouble: (error, of) => this.report(error, of),
+          show: (run) => this.showRun(run),
+        });
+        await this.modeller.show(this.isModelling);
+      }
+    } catch (error) {
+      this.report(error, "modeller");
+    }
   }
 
   nameDeskButton() {
@@ -101,6 +123,7 @@ class Studio {
     if (!this.isRun(run)) return;
     history.pushState(null, "", `/#${encodeURIComponent(JSON.stringify(this.states.get(run) || { run }))}`);
     this.go();
+    window.scrollTo(0, 0); // the desk was longer
   }
 
   /** Offer all runs; an unchanged list stays as it is, so that an open menu does not close. */
@@ -114,8 +137,8 @@ class Studio {
     const options = runs.map(({ run, name, going }) => [String(run), going ? `${name}, running` : name]);
     const left = more ? [["", `The list leaves out ${more} runs.`]] : [];
     this.choosers.forEach((select, place) => {
-      const was = select.value, none = place ? [["", "none"]] : [];
-      select.replaceChildren(...[...none, ...options, ...left].map(([value, text]) => element(null, "option", "", text, { value })));
+      const was = select.value;
+      offer(select, [...(place ? [["", "none"]] : []), ...options, ...left]);
       if (left.length) select.lastChild.disabled = true;
       select.value = was;
     });

@@ -1,7 +1,7 @@
-import { element, number } from "./elements.js";
+import { button, element, number, tick } from "./elements.js";
 
-/** The panel of a column, for use without a pointer: its filter; for an axis (`isAxis`) also its place and direction.
- * `on`: brush(brush), clear(), move(by), turn(), hide(), close(). Returns the element for the focus. */
+/** The panel of a column, for use without a pointer: its filter, and the `actions` of the view, [text, act] each. `on`:
+ * brush(brush), clear(), actions, close(). Returns the element for the focus. */
 export function axisPanel(parent, column, brush, on) {
   parent.replaceChildren();
   const head = element(parent, "div", "row");
@@ -12,13 +12,7 @@ export function axisPanel(parent, column, brush, on) {
   const passing = element(parent, "div", "row");
   const first = column.isWords ? words(passing, column, brush, on) : spans(passing, column, brush, on);
   const buttons = element(parent, "div", "row");
-  const moves = [
-    ["reverse", on.turn], ["move left", () => on.move(-1)], ["move right", () => on.move(1)], ["hide", on.hide],
-  ];
-  const actions = [["clear this filter", on.clear], ...(on.isAxis ? moves : []), ["close", on.close]];
-  for (const [text, act] of actions) {
-    element(buttons, "button", "", text, { type: "button" }).addEventListener("click", act);
-  }
+  for (const [text, act] of [["clear this filter", on.clear], ...on.actions, ["close", on.close]]) button(buttons, text, act);
   parent.onkeydown = (event) => {
     if (event.key === "Escape") on.close();
   };
@@ -27,10 +21,7 @@ export function axisPanel(parent, column, brush, on) {
 
 function words(parent, column, brush, on) {
   const boxes = column.words.map((word) => {
-    const label = element(parent, "label");
-    const box = element(label, "input", "", "", { type: "checkbox" });
-    box.checked = brush.includes(word);
-    label.append(word || "none");
+    const box = tick(parent, word || "none", brush.includes(word));
     box.addEventListener("change", () => on.brush(column.words.filter((_, k) => boxes[k].checked)));
     return box;
   });

@@ -1,5 +1,7 @@
 /** Births as columns, from a buffer: filters by brushes, and orders. */
 
+import { number } from "./elements.js";
+
 /** One column: numbers, or indices of `words`. */
 export class Column {
   constructor(about, values) {
@@ -33,6 +35,12 @@ export class Column {
   rank(value) {
     if (this.target !== null) return Math.abs(value - this.target);
     return this.goal === "max" ? -value : value;
+  }
+
+  /** The value of a row for people, with its unit. */
+  text(row) {
+    const value = this.values[row];
+    return this.isWords ? this.words[value].replaceAll("_", " ") : `${number(value)} ${this.unit}`.trimEnd();
   }
 
   /** The name of the order. */

@@ -3,7 +3,7 @@
 /** Levels of an axis. */
 export const LEVELS = 128;
 /** The level of births without a value. */
-export const NOWHERE = 255;
+const NOWHERE = 255;
 
 /** Uint8: the level of each birth on an axis, from the top; if it is `turned`, the least is at the top. */
 export function levels(column, turned) {

@@ -10,6 +10,43 @@ export function element(parent, tag, name = "", text = "", attributes = {}) {
   return made;
 }
 
+/** A button that acts on a click. */
+export function button(parent, text, act, attributes = {}) {
+  const made = element(parent, "button", "", text, { type: "button", ...attributes });
+  made.addEventListener("click", act);
+  return made;
+}
+
+/** An input of a type with a text before it, and an initial value. */
+export function field(parent, text, type, value = "", attributes = {}) {
+  const input = element(element(parent, "label", "", text && `${text} `), "input", "", "", { type, ...attributes });
+  input.value = value;
+  return input;
+}
+
+/** A tick box with a text behind it. */
+export function tick(parent, text, isTicked = false) {
+  const label = element(parent, "label"), box = element(label, "input", "", "", { type: "checkbox" });
+  box.checked = isTicked;
+  label.append(text);
+  return box;
+}
+
+/** A list to choose from, [value, text] each, that acts on a change. */
+export function choice(parent, text, options, act = null, attributes = {}) {
+  const select = element(element(parent, "label", "", text && `${text} `), "select", "", "", attributes);
+  offer(select, options);
+  if (act) select.addEventListener("change", act);
+  return select;
+}
+
+/** Offer [value, text] each, or texts, in place of the options of a list; a value that stays is kept. */
+export function offer(select, options) {
+  const was = select.value, pairs = options.map((one) => (Array.isArray(one) ? one : [one, one]));
+  select.replaceChildren(...pairs.map(([value, text]) => element(null, "option", "", text, { value })));
+  if (pairs.some(([value]) => String(value) === was)) select.value = was;
+}
+
 /** A number with four digits; a dash for no number. */
 export function number(value) {
   if (!Number.isFinite(value)) return "–";

@@ -1,7 +1,18 @@
 /** Small pictures, loaded when they come into view, a sheet at a time. */
 
+import { fitCanvas } from "./elements.js";
+
 /** Pictures in a request: about a window, so that births of one generation are read together. Pictures kept. */
 const AT_ONCE = 72, KEPT = 2000;
+
+/** Paint a picture on a canvas of a size in px, plain ground where there is none yet; the canvas' context. */
+export function paintTile(canvas, tile, wide, tall = wide) {
+  const context = fitCanvas(canvas, wide, tall);
+  context.fillStyle = "#efeae0";
+  context.fillRect(0, 0, wide, tall);
+  if (tile) context.drawImage(tile.image, tile.x, tile.y, tile.width, tile.height, 0, 0, wide, tall);
+  return context;
+}
 
 export class Tiles {
   /** `load(ids, side)`: a promise of {tiles, image, across, width, height, lacking}; `onLoad()` is called after
@@ -46,7 +57,7 @@ export class Tiles {
     this.isLoading = true;
     try {
       const sheet = await this.load(ids, side);
-      const image = sheet.tiles.length ? await createImageBitmap(sheet.image) : null;
+      const image = !sheet.tiles.length || sheet.image instanceof ImageBitmap ? sheet.image : await createImageBitmap(sheet.image);
       sheet.tiles.forEach((id, place) => this.tiles.set(`${side}:${id}`, {
         image, width: sheet.width, height: sheet.height,
         x: (place % sheet.across) * sheet.width, y: Math.floor(place / sheet.across) * sheet.height,

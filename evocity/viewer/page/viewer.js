@@ -1,45 +1,56 @@
 import { axisPanel } from "./axis.js";
 import { Births, Column, brushOf } from "./births.js";
-import { Cells } from "./cells.js";
+import { button, choice, countText, element, field, number, offer } from "./elements.js";
 import { Gallery } from "./gallery.js";
-import { countText, element, number } from "./elements.js";
-import { Parallel } from "./parallel.js";
-import { Scatter } from "./scatter.js";
+import { Tabs } from "./tabs.js";
 import { Tiles } from "./tiles.js";
+import { FAULTS, VIEWS } from "./views.js";
 
 /** The state that all views and the host share: the choice, the filter, the order, the axes. */
 const STATE = ["chosen", "brushes", "order", "axes"];
-/** The views above the gallery; the last one for a run with a grid. */
-const VIEWS = ["axes", "scatter", "grid"];
 /** Orders by difference, and the measures of difference; births in a slow comparison, at most. */
 const DIFFERENCES = [["", "…"], ["likeness", "likeness to the chosen birth"], ["spread", "spread: most different first"]];
 const BY = [["looks", "looks"], ["scores", "scores"], ["kin", "ancestry"]], MOST_COMPARED = 400;
+/** The number of viewers so far, for ids. */
+let viewers = 0;
 
-/** The page for a host, which has: `about` and `buffer` of the births; `state`, see STATE, with a `view` of VIEWS and the
- * `pair` of columns of the scatter, if it keeps them; `save(changes)` for the state; `tiles(ids, side)`, a promise of
- * pictures, see Tiles. A host may also have `compare({ids, to, by})`, a promise of distances from `to`, or of places if
- * `to` is null; `trouble(error)`; `activate(id)` for the birth with visible numbers, null for none. */
+/** The frame around the views of a page: the filter, the order, the gallery, a tab for each view. The host has: `about`
+ * and `buffer` of the births; `state`, see STATE, with the name of a `view` and the `pair` of columns of the scatter, if
+ * it keeps them; `save(changes)` for the state; `tiles(ids, side)`, a promise of pictures, see Tiles; `part(name)`, a
+ * promise of a part of the page's document. A host may also have `ask(name, body)`, a promise of a server's answer;
+ * `compare({ids, to, by})`, a promise of distances from `to`, or of places if `to` is null; `trouble(error)`;
+ * `activate(id)` for the birth with visible numbers, null for none. */
 export class Viewer {
   constructor(parent, host) {
     this.host = host;
-    this.state = { chosen: [], brushes: {}, order: { name: "id" }, axes: [], view: VIEWS[0], pair: null, ...host.state };
+    this.state = { chosen: [], brushes: {}, order: { name: "id" }, axes: [], view: "axes", pair: null, ...host.state };
     this.root = element(parent, "section", "view");
     this.tiles = new Tiles(host.tiles, () => this.drawTiles());
+    /** What a view reads: `births`, their `about`, the `state`, the `mask` of passing rows, the passing `rows` in their
+     * order `by` a column, the `chosen` rows, the `active` row and the `row` with visible numbers, -1 for none; the
+     * column with an `open` panel. */
+    this.page = { state: this.state, active: -1, row: -1, open: null };
+    this.hands = {
+      choose: (...ids) => this.change({ chosen: ids.flat() }),
+      show: (id, isAdded = false) => this.show(id, isAdded),
+      brush: (brushes, isFinal = true) => (isFinal ? this.change({ brushes }) : this.changeSoon({ brushes })),
+      change: (changes) => this.change(changes),
+      open: (name) => this.open(this.page.open === name ? null : name, true),
+      pictures: host.tiles,
+      part: host.part,
+      ask: host.ask || null,
+    };
     const top = element(this.root, "div", "row");
     this.title = element(top, "b");
     this.count = element(top, "output", "count");
-    this.button(top, "clear filter", () => this.change({ brushes: {} }));
-    this.button(top, "choose all births that pass the filter", () =>
+    button(top, "clear filter", () => this.change({ brushes: {} }));
+    button(top, "choose all births that pass the filter", () =>
       this.change({ chosen: Array.from(this.rows, (row) => this.births.ids[row]) }));
-    this.button(top, "choose none", () => this.change({ chosen: [] }));
-    const views = element(top, "div", "row", "", { role: "group", "aria-label": "view" });
-    this.viewButtons = new Map(VIEWS.map((name) => [name, this.button(views, name, () => this.change({ view: name }))]));
-    const brush = (brushes, isFinal) => (isFinal ? this.change({ brushes }) : this.changeSoon({ brushes }));
-    const open = (name) => this.open(this.parallel.open === name ? null : name, true);
-    const choose = (row, isAdded) => this.choose(row, isAdded);
-    this.parallel = new Parallel(this.root, { brush, open, setAxes: (axes) => this.change({ axes }) });
-    this.scatter = new Scatter(this.root, { brush, open, choose, setPair: (...pair) => this.change({ pair }) });
-    this.cells = new Cells(this.root, new Tiles(host.tiles, () => this.cells.draw()), { choose });
+    button(top, "choose none", () => this.change({ chosen: [] }));
+    const list = element(this.root, "div", "tabs", "", { role: "tablist", "aria-label": "views" });
+    this.views = new Map();
+    this.tabs = new Tabs(list, element(this.root, "div"), VIEWS.map(({ name, title }) => [name, title]), `view-${++viewers}`);
+    this.tabs.onShow = (view) => this.change({ view });
     this.panel = element(this.root, "div", "panel", "", { role: "group" });
     this.controls();
     this.comparison = element(this.root, "p", "faint", "", { role: "status" });
@@ -50,49 +61,31 @@ export class Viewer {
     this.emptyText = element(this.root, "p", "faint", "No birth passes the filter.");
     this.about = element(this.root, "div", "detail");
     this.credit = element(this.root, "p", "faint");
+    for (const fault of FAULTS) element(this.root, "p", "faint", fault);
     this.load(host.about, host.buffer);
     this.observer = new ResizeObserver(() => this.resize());
     this.observer.observe(this.root);
   }
 
-  button(parent, text, act) {
-    const button = element(parent, "button", "", text, { type: "button" });
-    button.addEventListener("click", act);
-    return button;
-  }
-
   controls() {
     const row = element(this.root, "div", "row");
-    const order = element(row, "label", "", "order ");
-    this.order = element(order, "select");
-    this.order.addEventListener("change", () => this.change({ order: { name: this.order.value, reversed: false } }));
-    this.reverseButton = this.button(row, "", () =>
+    this.order = choice(row, "order", [], () => this.change({ order: { name: this.order.value, reversed: false } }));
+    this.reverseButton = button(row, "", () =>
       this.change({ order: { ...this.state.order, reversed: !this.state.order.reversed } }));
-    this.orderButton = this.button(row, "", () => (this.arrangement ? this.arrange() : this.change({ order: this.state.order })));
+    this.orderButton = button(row, "", () => (this.arrangement ? this.arrange() : this.change({ order: this.state.order })));
     if (this.host.compare) {
-      const choice = (text, listed) => {
-        const select = element(element(row, "label", "", text), "select");
-        for (const [value, label] of listed) element(select, "option", "", label, { value });
-        select.addEventListener("change", () => this.arrange());
-        return select;
-      };
-      [this.kind, this.way] = [choice("or by ", DIFFERENCES), choice("of ", BY)];
+      [this.kind, this.way] = [["or by", DIFFERENCES], ["of", BY]].map(([text, listed]) => choice(row, text, listed, () => this.arrange()));
     }
-    const size = element(row, "label", "", "size ");
-    this.size = element(size, "input", "", "", { type: "range", min: "48", max: "192", step: "16", value: "96" });
+    this.size = field(row, "size", "range", "96", { min: "48", max: "192", step: "16" });
     this.size.addEventListener("input", () => {
       this.gallery.size = Number(this.size.value);
       this.gallery.resize();
-    });
-    const add = element(row, "label", "", "add axis ");
-    this.add = element(add, "select");
-    this.add.addEventListener("change", () => {
-      if (this.add.value) this.change({ axes: [...this.state.axes, { name: this.add.value, turned: false }] });
     });
   }
 
   close() {
     this.observer.disconnect();
+    for (const name of this.views.keys()) this.call("close", name);
     this.root.remove();
   }
 
@@ -100,9 +93,13 @@ export class Viewer {
 
   /** Show other births. */
   load(about, buffer) {
+    for (const name of this.views.keys()) {
+      this.call("close", name);
+      this.tabs.panes[name].replaceChildren();
+    }
+    this.views.clear();
     this.births = new Births(about, buffer);
     this.tiles.forget();
-    this.cells.tiles.forget();
     this.showFacts(about);
     this.update(this.state);
   }
@@ -120,7 +117,14 @@ export class Viewer {
     if (this.arrangement) this.arrangement = this.differenceColumn(this.arrangement.name, before.ids, this.arrangement.values);
     this.showFacts(about);
     const { chosen, brushes, axes } = this.state;
-    this.update({ chosen, brushes, axes });
+    this.update({ chosen, brushes, axes, births: true });
+  }
+
+  /** Sort the new births into the list, and tell the view that no more births come. */
+  settle() {
+    const { order } = this.state;
+    this.update(this.newCount && !this.arrangement ? { order, ended: true } : { ended: true });
+    if (this.gallery.active >= 0) this.gallery.activate(this.gallery.active);
   }
 
   /** The column of the gallery's order. */
@@ -172,33 +176,27 @@ export class Viewer {
     }
   }
 
-  /** The two columns of the scatter: the chosen ones, or the first two axes. */
-  get pair() {
-    const names = [...(this.state.pair || []), ...this.state.axes.map((one) => one.name), "generation", "id"];
-    return [...new Set(names)].filter((name) => this.births.byName.has(name)).slice(0, 2);
-  }
-
-  /** Draw the view above the gallery. */
-  drawView() {
-    if (this.state.view === "axes") this.parallel.draw(this.mask, this.rows.length);
-    else if (this.state.view === "scatter") this.scatter.draw(this.mask, this.rows.length);
-  }
-
-  /** Choose a birth of another view (`isAdded`: with the others), and bring it into view in the gallery. */
-  choose(row, isAdded) {
-    const id = this.births.ids[row], others = isAdded ? this.state.chosen.filter((one) => one !== id) : [];
+  /** Choose a birth (`isAdded`: with the others), and bring it into view; it may not pass the filter. */
+  show(id, isAdded) {
+    const others = isAdded ? this.state.chosen.filter((one) => one !== id) : [];
     this.change({ chosen: isAdded && this.state.chosen.includes(id) ? others : [...others, id] });
-    this.gallery.activate(this.rows.indexOf(row));
+    const place = this.rows.indexOf(this.births.row(id));
+    if (place >= 0) this.gallery.activate(place);
+    else {
+      this.gallery.active = -1;
+      this.detail(this.births.row(id));
+    }
   }
 
   showFacts(about) {
     this.title.textContent = about.title;
     this.credit.textContent =
       `The colour scale of all maps covers heights from 0 to ${number(about.highest)} m. ${about.credit}`;
-    this.order.replaceChildren(...this.births.columns.map((one) =>
-      element(null, "option", "", one.name, { value: one.name })));
+    offer(this.order, this.births.columns.map((one) => one.name));
     this.order.value = this.state.order.name;
   }
+
+  // -- state ------------------------------------------------------------------------------------
 
   /** Change the state, and save it with the host. */
   change(changes) {
@@ -223,30 +221,14 @@ export class Viewer {
     }
   }
 
-  /** Show changes of the state. */
-  update(changes) {
+  /** Show changes of the state; `births`: there are more; `ended`: no more come. */
+  update({ births, ended, ...changes }) {
     this.pending = null;
     Object.assign(this.state, changes);
-    const { chosen, brushes, order, axes } = this.state;
-    if (!this.births.about.grid && this.state.view === "grid") this.state.view = "axes";
-    const { view } = this.state;
-    for (const [name, button] of this.viewButtons) {
-      button.setAttribute("aria-pressed", String(name === view));
-      button.hidden = name === "grid" && !this.births.about.grid;
-    }
-    this.add.parentNode.hidden = view !== "axes";
-    [this.parallel, this.scatter, this.cells].forEach((one, place) => { one.root.hidden = VIEWS[place] !== view; });
-    if ("axes" in changes) {
-      this.parallel.show(this.births, axes);
-      const shown = new Set(axes.map((one) => one.name));
-      this.add.replaceChildren(element(null, "option", "", "…", { value: "" }), ...this.births.columns
-        .filter((one) => !shown.has(one.name)).map((one) => element(null, "option", "", one.name, { value: one.name })));
-      if (view === "axes" && !shown.has(this.parallel.open)) this.open(null);
-    }
+    const { chosen, brushes, order } = this.state;
     if ("brushes" in changes) {
-      this.parallel.brushes = this.scatter.brushes = brushes;
       this.mask = this.births.matches(brushes);
-      if (this.parallel.open && !this.isFromPanel) this.open(this.parallel.open);
+      if (this.page.open && !this.isFromPanel) this.open(this.page.open);
     }
     if ("order" in changes) {
       this.order.value = order.name;
@@ -260,29 +242,24 @@ export class Viewer {
     }
     this.orderButton.hidden = !this.newCount;
     if (this.newCount) this.orderButton.textContent = `sort the ${countText(this.newCount)} new births into the list`;
-    if ("brushes" in changes || "order" in changes) {
-      this.rows = this.sortedRows.filter((row) => this.mask[row]);
-    }
+    const isOther = "brushes" in changes || "order" in changes;
+    if (isOther) this.rows = this.sortedRows.filter((row) => this.mask[row]);
     if ("chosen" in changes) {
       this.gallery.chosen = new Set(chosen);
-      this.parallel.chosen = this.scatter.chosen = chosen.map((id) => this.births.row(id)).filter((row) => row >= 0);
-      this.cells.chosen = this.gallery.chosen;
+      this.page.chosen = chosen.map((id) => this.births.row(id)).filter((row) => row >= 0);
     }
-    if (view === "scatter") this.scatter.show(this.births, ...this.pair);
-    if (view === "grid") this.cells.show(this.births, this.rows, this.by);
-    if ("view" in changes) {
-      this.open(null);
-      this.parallel.resize();
-    }
-    if ("brushes" in changes || "order" in changes) {
+    Object.assign(this.page, { births: this.births, about: this.births.about, mask: this.mask, rows: this.rows, by: this.by });
+    if ("view" in changes) this.turn();
+    else this.call("update", this.state.view, { ...changes, ...(births && { births }), ...(ended && { ended }) });
+    if (isOther) {
       this.gallery.anchor = -1;
       this.gallery.show(this.births, this.rows, this.by);
     } else if ("chosen" in changes) this.gallery.draw();
     this.emptyText.hidden = this.rows.length > 0;
     const parts = [`${countText(this.rows.length)} of ${countText(this.births.count)} births pass the filter`];
-    parts.push(`${countText(this.parallel.chosen.length)} chosen`);
+    parts.push(`${countText(this.page.chosen.length)} chosen`);
     this.count.textContent = parts.join(", ");
-    const awake = this.gallery.active < 0 ? this.parallel.chosen.at(-1) : this.rows[this.gallery.active];
+    const awake = this.gallery.active < 0 ? this.page.chosen.at(-1) : this.rows[this.gallery.active];
     this.detail(awake === undefined ? -1 : awake);
   }
 
@@ -290,48 +267,69 @@ export class Viewer {
     const width = this.root.clientWidth;
     if (!width || width === this.width) return;
     this.width = width;
-    this.parallel.resize();
     this.gallery.resize();
-    this.cells.lay();
-    this.drawView();
+    this.call("resize", this.state.view);
+    this.call("draw", this.state.view);
   }
 
   drawTiles() {
     this.gallery.drawSoon();
-    if (this.awake >= 0) this.detail(this.awake);
+    if (this.page.row >= 0) this.detail(this.page.row);
+  }
+
+  // -- the views --------------------------------------------------------------------------------
+
+  /** Show the view of the state, opened at first use; the first suitable view in place of an unsuitable one. */
+  turn() {
+    const suits = VIEWS.filter((view) => this.attempt(view.name, () => view.suits(this.page)));
+    const view = suits.find(({ name }) => name === this.state.view) || suits.find(({ name }) => name === "axes") || suits[0];
+    this.state.view = view.name;
+    this.tabs.offer(suits.map(({ name }) => name), view.name);
+    this.open(null);
+    const isNew = !this.views.has(view.name), pane = this.tabs.panes[view.name];
+    if (isNew) this.views.set(view.name, this.attempt(view.name, () => view.open(pane, this.page, this.hands)) || {});
+    this.call("update", view.name, { ...this.state, births: true });
+    if (!isNew) this.call("resize", view.name);
+  }
+
+  /** Call a method of a view, if it has the method; a fault of a view stays in its pane. */
+  call(method, name, ...given) {
+    const view = this.views.get(name);
+    return view && view[method] ? this.attempt(name, () => view[method](...given)) : undefined;
+  }
+
+  attempt(name, act) {
+    try {
+      return act();
+    } catch (error) {
+      const pane = this.tabs.panes[name], text = `The view ${name} failed: ${error.message}`;
+      if (!pane.textContent.includes(text)) element(pane, "p", "", text, { role: "alert" });
+      return undefined;
+    }
   }
 
   // -- one axis, one birth -------------------------------------------------------------------------
 
-  /** Open the panel of an axis; none for null. */
+  /** Open the panel of a column, in the terms of the view; none for null. */
   open(name, isByUser = false) {
-    const was = document.activeElement;
-    this.parallel.open = name;
+    const was = document.activeElement, { view } = this.state;
+    this.page.open = name;
     this.panel.hidden = !name;
     this.panel.setAttribute("aria-label", name ? `axis ${name}` : "axis");
-    const isAxis = this.state.view === "axes";
-    for (const [k, head] of [...this.parallel.heads.children].entries()) {
-      head.setAttribute("aria-expanded", String(this.parallel.columns[k].name === name));
-    }
+    if (isByUser) this.call("draw", view);
     if (!name) return;
-    const place = () => this.state.axes.findIndex((one) => one.name === name);
-    const column = this.births.byName.get(name);
     const kept = this.panel.contains(was) ? [...this.panel.querySelectorAll("input, button")].indexOf(was) : -1;
-    const first = axisPanel(this.panel, column, brushOf(this.state.brushes, name), {
+    const first = axisPanel(this.panel, this.births.byName.get(name), brushOf(this.state.brushes, name), {
       brush: (brush) => {
         this.isFromPanel = true; // which then stays as it is under the hand
         this.change({ brushes: { ...this.state.brushes, [name]: brush } });
         this.isFromPanel = false;
       },
       clear: () => this.change({ brushes: { ...this.state.brushes, [name]: [] } }),
-      isAxis,
-      move: (by) => this.parallel.move(name, place() + by),
-      turn: () => this.change({ axes: this.state.axes.map((one) =>
-        (one.name === name ? { ...one, turned: !one.turned } : one)) }),
-      hide: () => this.change({ axes: this.state.axes.filter((one) => one.name !== name) }),
+      actions: this.call("actionsOf", view, name) || [],
       close: () => {
-        const head = isAxis ? this.parallel.heads.children[place()] : this.scatter.filterOf(name);
-        this.open(null);
+        const head = this.call("headOf", view, name);
+        this.open(null, true);
         if (head) head.focus();
       },
     });
@@ -339,11 +337,11 @@ export class Viewer {
     else if (kept >= 0) ([...this.panel.querySelectorAll("input, button")][kept] || first).focus();
   }
 
-  /** Show the numbers of a birth, and draw its line. */
+  /** Show the numbers of a birth, and draw it in the view. */
   detail(row) {
-    this.awake = row;
-    this.parallel.active = this.scatter.active = this.gallery.active >= 0 ? row : -1;
-    this.drawView();
+    this.page.row = row;
+    this.page.active = this.gallery.active >= 0 ? row : -1;
+    this.call("draw", this.state.view);
     this.about.replaceChildren();
     if (this.host.activate) this.host.activate(row < 0 ? null : this.births.ids[row]);
     if (row < 0) {
@@ -357,11 +355,9 @@ export class Viewer {
     const list = element(this.about, "div", "facts");
     for (const column of this.births.columns) {
       if (column.name === "id") continue;
-      const value = column.values[row];
       const pair = element(list, "div", "fact", "", column.wanted ? { title: column.wanted } : {});
       element(pair, "span", "faint", column.name.replaceAll("_", " "));
-      const text = column.isWords ? column.words[value].replaceAll("_", " ") : `${number(value)} ${column.unit}`;
-      element(pair, "span", "", text.trimEnd());
+      element(pair, "span", "", column.text(row));
     }
   }
 }
@@ -373,11 +369,17 @@ function render({ model, el }) {
   el.addEventListener("focusin", ({ target }) => { // otherwise Jupyter takes the keys as commands
     target.dataset.lmSuppressShortcuts = "true";
   });
+  const send = (message) => new Promise((resolve, reject) => {
+    const request = `${own}-${++count}`;
+    waiting.set(request, { resolve, reject });
+    model.send({ ...message, request });
+  });
   const receive = (answer, buffers) => {
-    const resolve = answer && waiting.get(answer.request);
-    if (!resolve) return; // an answer to another view
+    const one = answer && waiting.get(answer.request);
+    if (!one) return; // an answer to another view
     waiting.delete(answer.request);
-    resolve({ ...answer, image: new Blob([buffers[0]], { type: answer.kind }) });
+    if (answer.error) one.reject(new Error(answer.error));
+    else one.resolve("value" in answer ? answer.value : { ...answer, image: new Blob([buffers[0]], { type: answer.kind }) });
   };
   const viewer = new Viewer(el, {
     about: model.get("about"),
@@ -387,11 +389,8 @@ function render({ model, el }) {
       for (const name of STATE) if (name in changes) model.set(name, changes[name]);
       model.save_changes();
     },
-    tiles: (tiles, side) => new Promise((resolve) => {
-      const request = `${own}-${++count}`;
-      waiting.set(request, resolve);
-      model.send({ tiles, side, request });
-    }),
+    tiles: (tiles, side) => send({ tiles, side }),
+    part: (part) => send({ part }),
   });
   const listeners = { "msg:custom": receive, "change:births": () => viewer.load(model.get("about"), model.get("births")) };
   for (const name of STATE) {

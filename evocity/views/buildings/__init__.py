@@ -10,6 +10,7 @@ from evocity.views.buildings.segmentation import (
     STEP,
     separate_buildings,
     settled,
+    settled_roofs,
     settled_zones,
     zones_of,
 )
@@ -23,6 +24,7 @@ __all__ = [
     "outlines",
     "separate_buildings",
     "settled",
+    "settled_roofs",
     "settled_zones",
     "zones_of",
 ]

@@ -1,5 +1,7 @@
 """Compiled loops over buildings. Slow twins stand in tests/naive.py."""
 
+import heapq
+
 import numpy as np
 
 from evocity.accelerate import kernel
@@ -401,3 +403,51 @@ def level(heights, zones, count, step, roofs):
             if a:
                 roofs[y, x] = medians[np.uintp(before[a])]
     return _number(zones, parent, count)
+
+
+@kernel
+def grow_zones(heights, zones, roofs):
+    """Open pixels, of zone −1, join zones that they touch by sides: again and again the pixel whose
+    height is closest to the roof of such a zone; of equals, the one that was reached first, row by
+    row. Zone 0 is ground, and grows too. ``zones`` (H, W) is overwritten; zones below −1 do not
+    grow. ``roofs``: float32 (n + 1,), heights of all zones."""
+    rows, columns = zones.shape
+    left = 0
+    for y in range(rows):
+        for x in range(columns):
+            left += zones[y, x] == -1
+    if left == 0:
+        return
+    # a visit: the pixel that was reached, and from which zone; each side of a pixel counts once
+    place, origin = np.empty(4 * left, np.int64), np.empty(4 * left, np.int32)
+    nearest = np.full(zones.shape, np.inf, np.float32)  # smallest step of the visits of a pixel
+    step = np.empty(1, np.float32)
+    bits = step.view(np.int32)  # in the order of the steps, which are not negative
+    queue = [np.int64(0)]  # the bits of a step, then the number of its visit
+    queue.pop()
+    number, at, most = 0, 0, zones.size
+    while True:
+        # first the borders of all zones, row by row; then each pixel that joins
+        if at < most:
+            y, x = at // columns, at % columns
+            at += 1
+            if zones[y, x] < 0:
+                continue
+        elif len(queue):
+            visit = heapq.heappop(queue) & 0xFFFFFFFF
+            y, x = place[visit] // columns, place[visit] % columns
+            if zones[y, x] != -1:
+                continue
+            zones[y, x] = origin[visit]
+        else:
+            break
+        zone = zones[y, x]
+        for side in range(4):
+            v, u = y - (side == 0) + (side == 3), x - (side == 1) + (side == 2)
+            if 0 <= v < rows and 0 <= u < columns and zones[v, u] == -1:
+                step[0] = abs(heights[v, u] - roofs[zone])
+                if step[0] < nearest[v, u]:  # a later visit with an equal step comes too late
+                    nearest[v, u] = step[0]
+                    place[number], origin[number] = v * columns + u, zone
+                    heapq.heappush(queue, (np.int64(bits[0]) << 32) | np.int64(number))
+                    number += 1

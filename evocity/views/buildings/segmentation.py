@@ -14,6 +14,9 @@ from evocity.views.buildings.table import Buildings, measured
 #: 339. A step of 1 m gives more.
 STEP = 1.5
 
+#: Least step between two roofs, metres: smaller steps are the noise of decoding.
+ROOF_STEP = 0.5
+
 #: Footprints under this area, m², are crumbs: too small to be a building.
 CRUMB = 24.0
 
@@ -112,6 +115,66 @@ def settled_zones(
 
     With nothing to ``keep`` they equal those of `separate_buildings` in the settled map.
     """
+    roofs, labels = _bare(heights, labels, keep)
+    zones = zones_of(heights, labels, metres_per_pixel)
+    _kernels.level(heights, zones, int(zones.max(initial=0)), STEP, roofs)
+    return roofs, zones
+
+
+def settled_roofs(
+    heights: np.ndarray,
+    labels: np.ndarray,
+    metres_per_pixel: float,
+    keep: np.ndarray | None = None,
+) -> np.ndarray:
+    """Set every roof to its median height, and open ground to 0.
+
+    Arguments and result are those of `settled`, but steps of more than `ROOF_STEP` stay, and so do
+    narrow gaps. Roofs begin as quasi-flat zones of that step that have the area `CRUMB` or
+    more. Roofs and ground grow over all other pixels: the pixel that is closest in height to a
+    neighbour comes first. So the slope that decoding leaves at a wall joins no two roofs. A roof
+    has the median height of the pixels that it began with. Neighbours whose medians differ by no
+    more than the step unite, as in `settled`. A component that has no such zone is settled as
+    `settled` does. The function is idempotent. About 4 ms at 256².
+
+    Source: seeded region growing, Adams & Bischof 1994 (IEEE PAMI 16:641-647)."""
+    roofs, labels = _bare(heights, labels, keep)
+    heights = np.ascontiguousarray(heights, np.float32)
+    built = labels != 0
+    zones, parts = np.empty((2, *heights.shape), np.int32)
+    count = _kernels.flat_zones(heights, built, ROOF_STEP, zones)
+    least = _least_pixels(CRUMB, metres_per_pixel**2, heights.size)
+    large = np.bincount(zones.ravel(), minlength=count + 1) >= least
+    large[0] = False
+    zones = np.where(large, large.cumsum(), 0).astype(np.int32)[zones]
+    count, seeds = int(large.sum()), zones > 0
+    raised, medians = np.zeros(heights.shape, np.float32), np.zeros(count + 1, np.float32)
+    _kernels.level(heights, zones.copy(), count, -1.0, raised)  # no two zones unite
+    medians[zones[seeds]] = raised[seeds]
+    # a component without a zone has no roof to join
+    filled = np.zeros(_kernels.flat_zones(heights, built, np.inf, parts) + 1, bool)
+    filled[parts[seeds]] = True
+    lone = built & ~filled[parts]
+    zones[built & ~seeds & ~lone] = -1
+    zones[lone] = -2
+    if keep is not None:
+        zones[keep] = -2
+    _kernels.grow_zones(heights, zones, medians)
+    zones = np.maximum(zones, 0)
+    raised = medians[zones]
+    if lone.any():
+        alone = zones_of(heights, lone, metres_per_pixel)
+        zones[lone], raised[lone] = count + alone[lone], heights[lone]
+        count += int(alone.max())
+    _kernels.level(raised, zones, count, ROOF_STEP, roofs)
+    return roofs
+
+
+def _bare(
+    heights: np.ndarray, labels: np.ndarray, keep: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return bare ground with the heights of the pixels to ``keep``, float32 ``(H, W)``, and the
+    labels of all other pixels."""
     if keep is not None and np.shape(keep) != heights.shape:
         raise MapError(
             f"the array 'keep' has the shape {np.shape(keep)}, but the map has the shape "
@@ -123,6 +186,4 @@ def settled_zones(
     if keep is not None:
         labels = np.where(keep, labels.dtype.type(0), labels)  # keeps the type
         np.copyto(roofs, heights, where=keep)
-    zones = zones_of(heights, labels, metres_per_pixel)
-    _kernels.level(heights, zones, int(zones.max(initial=0)), STEP, roofs)
-    return roofs, zones
+    return roofs, labels

@@ -1,0 +1,88 @@
+"""Targets and bounds that a real run does not reach, and the sentences about them."""
+
+from unittest.mock import patch
+
+import pytest
+from toy_runs import write_toy
+from written_runs import written
+
+import evocity
+from evocity.analysis.outlook import outlook, unreachable
+from evocity.fitness import registry
+
+GSI = '\n[[fitness]]\nname = "gsi"\n'
+
+
+def bred(folder, recipe: str):
+    """A run of two generations."""
+    path = write_toy(folder, recipe=recipe, generations=2, workers=0)
+    with (
+        patch.dict(registry._from_files),
+        evocity.Search(evocity.read_recipe(path), out=folder / "run") as search,
+    ):
+        list(search)
+    return evocity.open_run(folder / "run")
+
+
+@pytest.mark.slow
+def test_a_run_states_the_target_and_the_bound_that_no_birth_reaches(tmp_path):
+    run = bred(tmp_path, f"{GSI}target = 0.05\nmin = 0.9\n")
+    births, (low, high) = run.columns, (0.05, 0.9)
+    values = births.value("gsi")
+    own = values[births.rows(births.founders)]
+    bred_values = values[~(births.operator == "source")]
+    assert low < bred_values.min()
+    assert bred_values.max() < high
+    found = outlook(run)
+    above, below = found["unreachable"]
+    assert above.startswith(f"gsi at least 0.9 was never above {bred_values.max():.3g}.") or (
+        above.startswith(f"gsi 0.05 was never above {bred_values.max():.3g}.")
+    )
+    assert f"No parent has more than {own.max():.3g}." in above
+    assert below.startswith(f"gsi 0.05 was never below {bred_values.min():.3g}.")
+    assert f"No parent has less than {own.min():.3g}." in below
+    assert below.endswith("Another parent with less gsi would help, or wider bounds.")
+    assert found["seconds_left"] == 0
+
+
+def births(*values, first=1):
+    return [{"id": first + k, "values": dict(one)} for k, one in enumerate(values)]
+
+
+@pytest.mark.parametrize(
+    ("wanted", "values", "text"),
+    [
+        (  # the bound that all births near the target break
+            ({"name": "gsi", "target": 0.3}, {"name": "crumbs", "max": 5}),
+            [{"gsi": 0.3, "crumbs": 9.0}] * 4 + [{"gsi": 0.6, "crumbs": 1.0}] * 4,
+            "gsi 0.3: each of 4 births near it breaks a bound. 4 of them break the bound of",
+        ),
+        (  # bounds that only exclude each other
+            ({"name": "gsi", "max": 0.4}, {"name": "crumbs", "max": 5}),
+            [{"gsi": 0.3, "crumbs": 9.0}] * 4 + [{"gsi": 0.6, "crumbs": 1.0}] * 4,
+            "the bounds: each of 8 births breaks a bound. 4 of them break the bound of gsi.",
+        ),
+        (  # a target between the births
+            ({"name": "gsi", "target": 0.45}, {"name": "crumbs", "max": 10}),
+            [{"gsi": 0.3, "crumbs": 9.0}] * 4 + [{"gsi": 0.6, "crumbs": 1.0}] * 4,
+            None,
+        ),
+        (  # too few births
+            ({"name": "gsi", "max": 0.4}, {"name": "crumbs", "goal": "min"}),
+            [{"gsi": 0.6, "crumbs": 9.0}] * 3,
+            None,
+        ),
+        (  # a parent that keeps the bound
+            ({"name": "gsi", "max": 0.4}, {"name": "crumbs", "goal": "min"}),
+            [{"gsi": 0.6, "crumbs": 9.0}] * 4,
+            "gsi at most 0.4 was never below 0.6. A parent has 0.2. More generations would help, "
+            "or wider bounds.",
+        ),
+    ],
+)
+def test_a_bound_that_excludes_the_target_has_a_name(tmp_path, wanted, values, text):
+    source = {"id": 0, "operator": "source", "values": {"gsi": 0.2, "crumbs": 1.0}}
+    run = written(tmp_path / "run", [[source], births(*values)], wanted=wanted)
+    found = unreachable(run)
+    assert len(found) == (text is not None)
+    assert text is None or found[0].startswith(text)
