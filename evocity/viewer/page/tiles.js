@@ -5,7 +5,7 @@ import { fitCanvas } from "./elements.js";
 /** Pictures in a request: about a window, so that births of one generation are read together. Pictures kept. */
 const AT_ONCE = 72, KEPT = 2000;
 
-/** Paint a picture on a canvas of a size in px, plain ground where there is none yet; the canvas' context. */
+/** Paint a picture on a canvas of `wide` × `tall` px, and return its context. A missing picture becomes plain ground. */
 export function paintTile(canvas, tile, wide, tall = wide) {
   const context = fitCanvas(canvas, wide, tall);
   context.fillStyle = "#efeae0";
