@@ -133,9 +133,10 @@ def unrepaired() -> Method:
 
 
 @contextlib.contextmanager
-def bench(case: Case) -> Iterator["Bench"]:
-    """Parents of a case, and workers that breed and evaluate its births."""
-    recipe = case.recipe(0)
+def bench(case: Case, **sections) -> Iterator["Bench"]:
+    """Parents of a case, and workers that breed and evaluate its births; ``sections`` of its recipe
+    other than the default's."""
+    recipe = case.recipe(0, **sections)
     prepared = prepare(recipe)
     pool = start_engine(prepared, Crew(2), (), lambda text: None, lambda text: None)
     try:
@@ -154,13 +155,19 @@ class Bench:
 
     def born(self, jobs: Sequence[tuple], told: Told) -> list[tuple[tuple[float, ...], float]]:
         """Losses and violation of each of the ``jobs``, (operator, parents, generator)."""
+        return [found[:2] for found in self.bred(jobs, told)]
+
+    def bred(self, jobs: Sequence[tuple], told: Told) -> list[tuple]:
+        """Losses, violation and genome of each of the ``jobs``; None for what failed."""
         outcomes = self.pool.run("born", list(jobs))
         names, aims = self.case.measures, self.prepared.aims
         kept = [one.values if one.status == "ok" else {} for one in outcomes]
         told(np.array([[values.get(name, np.nan) for name in names] for values in kept], float))
         return [
-            (aims.losses(values), aims.violation(values)) if values else (None, np.inf)
-            for values in kept
+            (aims.losses(values), aims.violation(values), one.genome)
+            if values
+            else (None, np.inf, None)
+            for one, values in zip(outcomes, kept, strict=True)
         ]
 
 
@@ -194,6 +201,11 @@ def quarters(recipe, rng):
     return recipe.operator_drawn("quarter_fusion", rng)
 
 
+def seed_deap(seed: int) -> None:
+    """Seed the module ``random``, which DEAP's algorithms draw from."""
+    random.seed(seed)
+
+
 def textbook(repair: bool) -> Method:
     """DEAP's eaMuPlusLambda and selNSGA2, with uniform crossover of lifs and Gaussian mutation."""
 
@@ -206,7 +218,7 @@ def textbook(repair: bool) -> Method:
             "direct_fusion": {"weight": 1, **own},
             "mutation": {"weight": 1, "group_side": 4.0, **rates, **own},
         }
-        random.seed(case.seed)
+        seed_deap(case.seed)
         with deap_toolbox(case.recipe(0, operators=operators), workers=2) as box:
             evaluate, share = box.evaluate, box.map
 

@@ -1,10 +1,14 @@
 """Chords across streets between the walls of sources, and how near the widths of a graph come:
 python benchmarks/_street_widths.py
 
-At 1 m a pixel: error of the width of each street against the median of its chords, one each metre.
-Edges along places are not streets. *every chord* counts all places of all streets, in crossings
-too, where a chord looks along another street. *across the street* leaves out places in a crossing
-(nearer to it than the nearest wall), and chords that cross the middle line of another street.
+At 1 m a pixel: error of the width of each street against the median of its chords. Edges along
+places are not streets. Only walls of the source decide which chords count:
+
+- *outside crossings*: a chord every 5 m, none within a crossing: nearer to it than half of the
+  widest street that ends there, by its chords each metre
+- *every chord*: a chord each metre, in crossings too, where a chord looks along another street
+- *across the street*: a chord each metre; none nearer to a crossing than the nearest wall, none
+  that crosses the middle line of another street
 """
 
 import json
@@ -20,9 +24,9 @@ from pyproj import CRS, Transformer
 
 import evocity
 
-#: Metres: between two chords along an edge; to the points before and after that give the direction
-#: there; the longest half of a chord.
-STEP, BESIDE, REACH = 1.0, 4.0, 60.0
+#: Metres: between two chords along an edge, and outside crossings; to the points before and after
+#: that give the direction there; the longest half of a chord.
+STEP, APART, BESIDE, REACH = 1.0, 5.0, 4.0, 60.0
 #: Other districts of the shared folder.
 MORE = (
     *("tokyo-ginza", "barcelona-eixample", "heidelberg-altstadt"),
@@ -71,11 +75,11 @@ def _within(city: evocity.CityMap, shapes: np.ndarray, crs) -> np.ndarray:
 
 
 def chords(
-    edge: shapely.LineString, walls: shapely.Geometry
+    edge: shapely.LineString, walls: shapely.Geometry, step: float = STEP
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Chords square to an edge, every `STEP` metres, that end at ``walls`` on both sides: how far
+    """Chords square to an edge, every ``step`` metres, that end at ``walls`` on both sides: how far
     along the edge they are, their lengths, and lines."""
-    count = max(int(edge.length // STEP), 1)
+    count = max(int(edge.length // step), 1)
     at = (np.arange(count) + 0.5) * edge.length / count
     points, before, after = (
         shapely.get_coordinates(
@@ -97,37 +101,47 @@ def chords(
     return at[both], widths[both], shapely.linestrings(np.stack(ends, axis=1)[both])
 
 
-def errors(
-    city: evocity.CityMap, footprints: np.ndarray
-) -> tuple[dict[str, float], dict[str, float]]:
-    """Mean and median error of the width of streets against the median of their chords, m; of the
-    width between the nearest walls; and the number of streets: of every chord of all streets that
-    have any, and of chords across the street of those that are measured."""
+def errors(city: evocity.CityMap, footprints: np.ndarray) -> dict[str, dict[str, float]]:
+    """Error of the width of streets against the median of their chords, by the rule for chords:
+    the number of streets and their share of the length of all streets, the mean and the median
+    error, and the mean error of the width between the nearest walls, metres."""
     graph, walls = city.street_graph, shapely.union_all(footprints)
     shapely.prepare(walls)
-    edges = np.array(graph.edges, dtype=object)
+    edges, streets = np.array(graph.edges, dtype=object), graph.kind != "place"
+    found = [chords(edge, walls) for edge in edges]
+    every = np.array([_median(widths) for _, widths, _ in found])
+    widest = np.zeros(len(graph.nodes))
+    for end in graph.ends[streets & np.isfinite(every)].T:
+        np.maximum.at(widest, end, every[streets & np.isfinite(every)])
+    crossing = np.where(graph.at_frame, 0, widest / 2)
     discs = np.where(graph.at_frame, 0, shapely.distance(shapely.points(graph.nodes), walls))
-    every, across = np.full((2, len(graph)), np.nan)
+    outside, across = np.full((2, len(graph)), np.nan)
     for k, edge in enumerate(edges):
-        at, widths, lines = chords(edge, walls)
-        if not len(at):
-            continue
-        every[k] = np.median(widths)
+        at, widths, _ = chords(edge, walls, APART)
+        first, last = crossing[graph.ends[k]]
+        outside[k] = _median(widths[(at >= first) & (at <= edge.length - last)])
+        at, widths, lines = found[k]
         first, last = discs[graph.ends[k]]
         own = (at >= first) & (at <= edge.length - last)
         own &= ~shapely.intersects(lines, shapely.multilinestrings(np.delete(edges, k)))
-        across[k] = np.median(widths[own]) if own.any() else np.nan
-    streets = graph.kind != "place"
-    chosen = streets & np.isfinite(every), streets & np.isfinite(across) & (graph.measured > 0)
-    return tuple(
-        {
-            "edges": int(own.sum()),
-            "mean": float(np.abs(graph.width - true)[own].mean()),
-            "median": float(np.median(np.abs(graph.width - true)[own])),
+        across[k] = _median(widths[own]) if graph.measured[k] > 0 else np.nan
+    rules = {"outside crossings": outside, "every chord": every, "across the street": across}
+    told = {}
+    for rule, true in rules.items():
+        own = streets & np.isfinite(true)
+        away = np.abs(graph.width - true)[own]
+        told[rule] = {
+            "streets": int(own.sum()),
+            "length": float(graph.length[own].sum() / graph.length[streets].sum()),
+            "mean": float(away.mean()),
+            "median": float(np.median(away)),
             "clear, mean": float(np.abs(graph.clear - true)[own].mean()),
         }
-        for true, own in zip((every, across), chosen, strict=True)
-    )
+    return told
+
+
+def _median(values: np.ndarray) -> float:
+    return float(np.median(values)) if len(values) else np.nan
 
 
 def main() -> None:
@@ -137,14 +151,11 @@ def main() -> None:
         cases["prague-bubenec"] = prague(1.0)
         folder = SHARED.parent / "more"
         cases |= {name: more(folder / f"{name}.geojson", 1.0) for name in MORE}
-    columns = {"edges": 0, "mean": 2, "median": 2, "clear, mean": 2}
-    row = "".join(f"{name:>13}" for name in columns)
-    print(f"\n{'':24}{'every chord':>13}{'':39}{'across the street':>20}\n{'':24}{row}{row}")
     for name, case in cases.items():
-        told = [
-            f"{figures[key]:13.{columns[key]}f}" for figures in errors(*case) for key in columns
-        ]
-        print(f"{name:24}" + "".join(told), flush=True)
+        print(f"\n{name}")
+        for rule, figures in errors(*case).items():
+            told = ", ".join(f"{key} {value:.4g}" for key, value in figures.items())
+            print(f"  {rule:18} {told}", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 """How much a search finds: python benchmarks/search_power.py --run [--minutes M] [--pair A B …]
-[--seeds N] [--evaluations N] [--goals four|three] [--methods NAME …] [--ablations]
+[--seeds N] [--evaluations N] [--goals NAME] [--methods NAME …] [--ablations | --peers]
 
 evocity's default search beside others, at equal evaluations: random fusions of the parents without
 selection, textbook DEAP with and without evocity's repair, pymoo's and Optuna's NSGA-II on fields
@@ -7,6 +7,10 @@ that choose between the parents, with evocity's repair. All have the same parent
 and guard, calibrated on them as `evocity recipe new` does. --ablations takes parts of the default
 away in place of that, and tells how many times what the default reaches they reach in the same
 case, in the median.
+
+--peers compares a new recipe with other packages that have its operators: pymoo's NSGA-II, SMS-EMOA
+and AGE-MOEA-II, DEAP's NSGA-II, and Optuna's choice of operators in a row. The unit of hypervolume
+is then the front of all methods together, and the additive epsilon stands beside it.
 
 What each method reached is kept in benchmarks/power, a file a case: with --run, whatever is missing
 there is bred, until it is all there or --minutes are over; without, the tables of what is there are
@@ -26,6 +30,8 @@ os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS
 
 import numpy as np
 from _machine import description
+from _peer_table import GOALS as PEER_GOALS
+from _peer_table import run as run_peers
 from _power_curves import Unit, curve, passed
 from _power_methods import ABLATIONS, BLIND, METHODS, POPULATION, Case, Over
 
@@ -54,6 +60,9 @@ DEFINED = (
 def main(asked: argparse.Namespace) -> None:
     print(description())
     pairs = [tuple(pair) for pair in asked.pair] or list(PAIRS)
+    if asked.peers:
+        run_peers(asked, pairs)
+        return
     methods = ABLATIONS if asked.ablations else METHODS
     names = [name for name in methods if not asked.methods or name in asked.methods]
     names = ["default", *(name for name in names if name != "default")]
@@ -249,8 +258,9 @@ if __name__ == "__main__":
     parser.add_argument("--pair", nargs=2, action="append", default=[], metavar="CITY")
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--evaluations", type=int, default=3000)
-    parser.add_argument("--goals", choices=GOALS)
+    parser.add_argument("--goals", choices=[*GOALS, *PEER_GOALS], metavar="NAME")
     parser.add_argument("--methods", nargs="*", default=[], metavar="NAME")
     parser.add_argument("--ablations", action="store_true")
+    parser.add_argument("--peers", action="store_true")
     parser.add_argument("--curves", metavar="FILE.png")
     main(parser.parse_args())

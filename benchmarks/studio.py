@@ -30,7 +30,7 @@ from evocity.studio.server import running_server
 
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 BROODS, REPEATS = 5, 9
-READ = 'for (const one of document.querySelectorAll(".evocity-view canvas")) '
+READ = 'for (const one of document.querySelectorAll(".evocity-view canvas")) if (one.offsetParent) '
 READ += 'one.getContext("2d").getImageData(0, 0, 1, 1);'
 #: What is done by hand; ``k`` counts, ``names`` are those of the axes.
 ACTS = {
@@ -88,6 +88,7 @@ def page(server) -> None:
             time.sleep(0.02)
         print(f"{'page ready, its own thread':30} {spent():7.3f} s")
         print(f"{'page ready, by the clock':30} {time.monotonic() - began:7.3f} s")
+        seen.wait_for_load_state("networkidle")  # the births to keep are there
         seen.evaluate("() => studio.run.viewer.change({ view: 'axes' })")
         seen.wait_for_timeout(1000)
         names = [one["name"] for one in seen.evaluate("() => studio.run.state.axes")]

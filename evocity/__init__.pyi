@@ -96,6 +96,7 @@ class _Fitness:
     Undefined = _fitness.Undefined
     WEIGHTED = _fitness.WEIGHTED
     Wanted = _fitness.Wanted
+    WantedDensity = _fitness.WantedDensity
     alignment = _fitness.alignment
     alignment_global = _fitness.alignment_global
     alignment_momepy = _fitness.alignment_momepy
@@ -181,11 +182,14 @@ class _Scene:
     check_suffix = staticmethod(_scene.check_suffix)
     fabric_edges = staticmethod(_scene.fabric_edges)
     facades = staticmethod(_scene.facades)
+    picture_outline = staticmethod(_scene.picture_outline)
     scene = staticmethod(_scene.scene)
     skyline = staticmethod(_scene.skyline)
     street_axes = staticmethod(_scene.street_axes)
     substituted = staticmethod(_scene.substituted)
     suffix_of = staticmethod(_scene.suffix_of)
+    write_levels = staticmethod(_scene.write_levels)
+    write_on_relief = staticmethod(_scene.write_on_relief)
     write_tiles = staticmethod(_scene.write_tiles)
 
 fitness: _Fitness

@@ -9,7 +9,7 @@ import numpy as np
 
 from evocity.errors import MapError, keyword, plain_text, setting
 from evocity.html_display import Displayed
-from evocity.views import ground
+from evocity.views import ground, local_density
 from evocity.views.buildings import (
     STEP,
     Buildings,
@@ -21,6 +21,7 @@ from evocity.views.buildings import (
 from evocity.views.classes import Classes, ClassTable, classified
 from evocity.views.connected_components import pieces
 from evocity.views.limit_tables import read_only
+from evocity.views.map_arrays import check_heights, check_site
 from evocity.views.orientation import gradients, nearest, structure
 from evocity.views.streets import ALLEY_WIDTH, StreetGraph, street_graph
 from evocity.views.walls import Walls, walls_of
@@ -82,8 +83,8 @@ class CityMap(Displayed):
 
     The views (`built`, `open_ground`, `labels`, `areas`, `building_labels`, `buildings`, `classes`,
     `outline`, `walls`, `gradients`, `structure`, `distance_to_built`, `open_space`, `streets`,
-    `street_graph`, `alley_graph`) are read-only. The attributes of the map compute each view only
-    once, at first access.
+    `street_graph`, `alley_graph`, `floors`) are read-only. The attributes of the map compute each
+    view only once, at first access.
     """
 
     heights: np.ndarray
@@ -113,9 +114,9 @@ class CityMap(Displayed):
         corner: tuple[int, int] = (0, 0),
         roof_shapes: np.ndarray | None = None,
     ):
-        array = _checked_heights(heights, name)
+        array = check_heights(heights, name)
         if site is not None:
-            site = _checked_site(site, array.shape, name)
+            site = check_site(site, array.shape, name)
             array = read_only(np.where(site, array, np.float32(0)))
         low, high = PIXEL_SIDES
         if not (isinstance(metres_per_pixel, Real) and low <= metres_per_pixel <= high):
@@ -193,7 +194,7 @@ class CityMap(Displayed):
 
         Raises `MapError` if the mask differs in shape from the map, or has no true pixel.
         """
-        mask = _checked_site(mask, self.shape, self.name)
+        mask = check_site(mask, self.shape, self.name)
         rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
         window = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
         site = mask[window] if self.site is None else mask[window] & self.site[window]
@@ -364,6 +365,25 @@ class CityMap(Displayed):
         of 8 m and more. About 20 ms at 256²."""
         return self.street_graph_of(least_width=ALLEY_WIDTH)
 
+    @cached_property
+    def floors(self) -> np.ndarray:
+        """Int64 ``(H, W)``: floors of each built pixel, its height divided by 3 m, rounded, halves
+        up; 0 on open ground. About 0.3 ms at 256²."""
+        return read_only(local_density.count_floors(self.heights, self.built, STOREY))
+
+    def local_density(self, radius: float = 100.0) -> local_density.LocalDensity:
+        """Compute GSI and FSI of the ground within ``radius`` metres around each pixel. See
+        `evocity.views.local_density.density_around_pixels`."""
+        return local_density.density_around_pixels(self, radius)
+
+    def local_density_at(
+        self, places: np.ndarray, radius: float = 100.0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Compute GSI and FSI of the ground within ``radius`` metres around ``places``, pairs
+        (x, y) in the coordinates of `outline`. See
+        `evocity.views.local_density.density_around_places`."""
+        return local_density.density_around_places(self, places, radius)
+
     def ground_cover(self, buildings: Any = None, water: Any = None) -> "GroundCover":
         """Make one coverage of buildings, streets, squares and other ground, in metres from the
         south-west corner; parameters as of `evocity.views.surfaces.cover_map`."""
@@ -374,53 +394,8 @@ class CityMap(Displayed):
     def street_graph_of(self, **how: Any) -> StreetGraph:
         """Make the street graph with the options of `evocity.views.streets.street_graph`."""
         ground, labels, pixel = self.open_ground, self.building_labels, self.metres_per_pixel
-        return street_graph(ground, labels, pixel, self.north_west, site=self.site, **how)
-
-
-def _checked_heights(heights: np.ndarray, name: str) -> np.ndarray:
-    try:
-        array = np.array(heights, dtype=np.float32, order="C")
-    except (TypeError, ValueError):
-        array = np.empty(0)
-    if array.ndim != 2 or array.size == 0:
-        raise MapError(
-            f"{name}: the array of heights has the shape {array.shape}",
-            "an array with two axes and at least one height, with rows from north to south",
-            "pass an array with one height per pixel, in metres",
-        )
-    lowest = array.min()  # NaN if any is NaN
-    if not (np.isfinite(lowest) and np.isfinite(array.max())):
-        raise MapError(
-            f"{name}: {np.count_nonzero(~np.isfinite(array))} heights are NaN or infinite",
-            "only finite heights, in metres",
-            "replace the unknown heights with 0 (ground) or with a default height",
-        )
-    if lowest < 0:
-        raise MapError(
-            f"{name}: {np.count_nonzero(array < 0)} heights are below ground; the lowest is "
-            f"{lowest:g} m",
-            "only heights above ground, 0 m or more",
-            "subtract the terrain from the heights, or set negative heights to 0",
-        )
-    return read_only(array)
-
-
-def _checked_site(site: np.ndarray, shape: tuple[int, int], name: str) -> np.ndarray:
-    array = np.asarray(site)
-    if array.dtype != bool or array.shape != shape:
-        raise MapError(
-            f"{name}: the mask of a part of the map has the type {array.dtype} and the shape "
-            f"{array.shape}",
-            f"an array of booleans with the shape {shape}, one for each pixel of the map",
-            "compare the array with a number to get booleans, for example array > 0",
-        )
-    if not array.any():
-        raise MapError(
-            f"{name}: the mask of a part of the map marks no pixel",
-            "a mask that is True for at least one pixel",
-            "set the mask to True for at least one pixel",
-        )
-    return read_only(array.copy())
+        place = {"site": self.site, "density": self.local_density_at}
+        return street_graph(ground, labels, pixel, self.north_west, **place, **how)
 
 
 def same_grid(maps: "list[CityMap]") -> None:

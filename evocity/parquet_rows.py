@@ -60,41 +60,29 @@ def select(
     all, as an Arrow stream of at most ``most`` bytes. ``covering`` names the bounds of each row;
     without it, the outlines themselves give the bounds. Raises ValueError for more bytes."""
     try:
-        return _select(path, geometry, columns, texts, covering, box, most)
+        # strings stay dictionaries: a file of a few bytes may repeat a text without end
+        with pq.ParquetFile(path, read_dictionary=[*texts, geometry], pre_buffer=False) as file:
+            groups = list(range(file.num_row_groups))
+            names = [geometry, *columns]
+            if covering and box:
+                groups = [group for group in groups if _group_meets(file, group, covering, box)]
+                names += covering
+            target, writer = pa.BufferOutputStream(), None
+            for batch in file.iter_batches(_BATCH, groups, names, use_threads=False):
+                chosen = _chosen(batch, geometry, columns, covering, box)
+                most -= _size_of(chosen, geometry)
+                if most < 0 or target.tell() > most:
+                    raise ValueError(TOO_LARGE)
+                if writer is None:
+                    writer = pa.ipc.new_stream(target, chosen.schema)
+                if chosen.num_rows:
+                    writer.write_batch(chosen)
+            if writer is None:
+                return b""
+            writer.close()
+            return target.getvalue().to_pybytes()
     except MemoryError as error:  # of Arrow too
         raise ValueError(TOO_LARGE) from error
-
-
-def _select(
-    path: str,
-    geometry: str,
-    columns: Sequence[str],
-    texts: Sequence[str],
-    covering: Sequence[str] | None,
-    box: Sequence[float] | None,
-    most: int,
-) -> bytes:
-    # strings stay dictionaries: a file of a few bytes may repeat a text without end
-    with pq.ParquetFile(path, read_dictionary=[*texts, geometry], pre_buffer=False) as file:
-        groups = list(range(file.num_row_groups))
-        names = [geometry, *columns]
-        if covering and box:
-            groups = [group for group in groups if _group_meets(file, group, covering, box)]
-            names += covering
-        target, writer = pa.BufferOutputStream(), None
-        for batch in file.iter_batches(_BATCH, groups, names, use_threads=False):
-            chosen = _chosen(batch, geometry, columns, covering, box)
-            most -= _size_of(chosen, geometry)
-            if most < 0 or target.tell() > most:
-                raise ValueError(TOO_LARGE)
-            if writer is None:
-                writer = pa.ipc.new_stream(target, chosen.schema)
-            if chosen.num_rows:
-                writer.write_batch(chosen)
-        if writer is None:
-            return b""
-        writer.close()
-        return target.getvalue().to_pybytes()
 
 
 def _chosen(

@@ -461,6 +461,83 @@ def alike_blocks(blocks, here, flat, flat_here, others, members, turns, slack, r
     return listed
 
 
+def square_costs(heights, patch, weight, cell):
+    """Weighted squared differences of a patch from the squares of a map that begin at each cell."""
+    side = len(patch)
+    rows, columns = ((extent - side) // cell + 1 for extent in heights.shape)
+    costs = np.empty((rows, columns))
+    for i, j in np.ndindex(costs.shape):
+        cut = heights[cell * i : cell * i + side, cell * j : cell * j + side].astype(float)
+        costs[i, j] = (weight * (cut - patch) ** 2).sum()
+    return costs
+
+
+def pair_squares(grid, maps, count, turned, index, iso, stride=1):
+    """For each square: the cost of the one that ``index`` and ``iso`` (n,) chose, and the least of
+    all squares of the second map that begin every ``stride`` cells from its own place. Edges of the
+    map continue beyond it."""
+    cell, rows, columns = grid.block, grid.rows, grid.columns
+    margin = (count + 2) * cell
+    beyond = np.pad(maps[1].astype(float), margin, mode="edge")
+    picture, listed = np.full_like(maps[0], np.nan, dtype=float), []
+    used = []
+
+    def shown(place, turn):  # the square at a cell, with a rim of one cell
+        y, x = (margin + cell * (one - 1) for one in place)
+        return isometries.apply(
+            turn, beyond[y : y + (count + 2) * cell, x : x + (count + 2) * cell]
+        )
+
+    def cost(place, turn, top, left, height, width):
+        square = shown(place, turn)
+        y, x, inner = (
+            cell * top,
+            cell * left,
+            (slice(cell, cell * (1 + height)), slice(cell, cell * (1 + width))),
+        )
+        wanted = maps[0][y : y + cell * height, x : x + cell * width].astype(float)
+        cut = square[inner]
+        total = ((cut - wanted) ** 2).mean() + 4 * (cut.mean() - wanted.mean()) ** 2
+        rim = []
+        if top:
+            rim.append(
+                (square[:cell, inner[1]] - picture[y - cell : y, x : x + cell * width]).ravel()
+            )
+        if left:
+            rim.append(
+                (square[inner[0], :cell] - picture[y : y + cell * height, x - cell : x]).ravel()
+            )
+        total += (np.concatenate(rim) ** 2).mean() if rim else 0
+        near = [max(abs(place[k] - one[k]) for k in (0, 1)) <= count // 2 for one in used]
+        return total * (1 + 0.5 * sum(near))
+
+    index, iso = (one.reshape(rows, columns) for one in (index, iso))
+    cells = np.pad(np.arange(rows * columns).reshape(rows, columns), count, constant_values=-1)
+    for top in range(0, rows, count):
+        for left in range(0, columns, count):
+            height, width = min(count, rows - top), min(count, columns - left)
+            costs, chosen = [], []
+            for turn in range(8 if turned else 1):
+                for place in np.ndindex(rows + count, columns + count):
+                    if any((place[k] - count - (top, left)[k]) % stride for k in (0, 1)):
+                        continue
+                    numbers = cells[place[0] : place[0] + count, place[1] : place[1] + count]
+                    numbers = isometries.apply(turn, numbers)[:height, :width]
+                    if numbers.min() < 0:
+                        continue
+                    at = tuple(one - count for one in place)
+                    costs.append(cost(at, turn, top, left, height, width))
+                    here = slice(top, top + height), slice(left, left + width)
+                    if (index[here] == numbers).all() and (iso[here] == turn).all():
+                        chosen.append((costs[-1], at, turn))
+            (own, at, turn), *_ = chosen
+            used.append(at)
+            listed.append((own, min(costs)))
+            cut = shown(at, turn)[cell : cell * (1 + height), cell : cell * (1 + width)]
+            picture[cell * top : cell * (top + height), cell * left : cell * (left + width)] = cut
+    return listed
+
+
 def fabric(stones, originals, cell):
     """What a fabric of stones shows: cell by cell, −1 where nothing stands."""
     shown = np.full(np.multiply(stones.shape, cell), -1.0, np.float32)
@@ -1143,6 +1220,53 @@ def shares_of_square(y, x, step, shape):
     return shares
 
 
+def room(labels, built, number, facades):
+    """Corner, cells, weights and built share of a street block; what lies beyond the map is no
+    street."""
+    whole = labels == number
+    rows, columns = np.nonzero(whole)
+    top, left = rows.min(), columns.min()
+    within = np.s_[top : rows.max() + 1, left : columns.max() + 1]
+    padded = np.pad(whole, 1, constant_values=True)
+    inner = padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
+    outline, own = whole & ~inner, whole & built
+    street = ndimage.binary_propagation(outline & ~own, mask=whole & ~own)
+    facing = own & ndimage.binary_dilation(street)
+    weights = np.zeros(labels.shape, np.float32)
+    parts = [(whole, 1.0), (outline, -2.0)]
+    parts += [(facing, facades), (street, -facades)] if facades else []
+    for where, worth in parts:
+        weights[where] += np.float32(worth / max(np.count_nonzero(where), 1))
+    return (top, left), whole[within], weights[within], own.sum() / whole.sum()
+
+
+def strays(heights, intended, top, left, side, grain, limit, ignored):
+    """Where squares differ from the intended heights; of large squares the parts of a grid."""
+    error = (heights - intended) ** 2
+    where = np.zeros(error.shape, bool)
+    for y, x, s in zip(top, left, side, strict=True):
+        parts = [(y, x, s)]
+        if s > grain:
+            parts = [(v, u, grain) for v in range(y, y + s, grain) for u in range(x, x + s, grain)]
+        for v, u, wide in parts:
+            total = sum(error[v : v + wide, u : u + wide].ravel().tolist())
+            where[v : v + wide, u : u + wide] = total > limit * wide**2
+    return where & ~ignored
+
+
+def block_moments(before, after, read, reads, free, top, left, side):
+    """The largest move, and sums of ones, s, t, s², t² and s·t over the free pixels of squares."""
+    moments = []
+    for y, x, wide in zip(top, left, side, strict=True):
+        within = np.s_[y : y + wide, x : x + wide]
+        own = free[within]
+        moved = np.abs(after - before)[within] + np.abs(reads - read)[within]
+        s, t = (values[within][own].astype(float) for values in (reads, after))
+        products = (np.ones(own.sum()), s, t, s * s, t * t, s * t)
+        moments.append([moved[own].max(initial=0), *(sum(one.tolist()) for one in products)])
+    return np.array(moments).T
+
+
 @dataclass
 class Fitting:
     """What `best_fit` finds: isometry, top and left; score; where buildings stay."""
@@ -1301,16 +1425,73 @@ def ancestry(ids, parents, identifier):
     return [one in found for one in ids]
 
 
-def tournament(size, key, count, rng):
-    """Indices of ``count`` of ``size``, each the one of two drawn of those left with the lesser
-    ``key``."""
+def tournament(size, key, count, rng, drawn=2):
+    """Indices of ``count`` of ``size``, each the one of so many ``drawn`` of those left with the
+    least ``key``."""
     chosen, left = [], []
     for _ in range(count):
         left = left or list(range(size))
-        best = min((left[one] for one in rng.integers(len(left), size=2)), key=key)
+        best = min((left[one] for one in rng.integers(len(left), size=drawn)), key=key)
         chosen.append(best)
         left.remove(best)
     return chosen
+
+
+def tournament_within(groups, count, rng):
+    """Indices in order of goodness: the second of two drawn comes from the group of the first."""
+    chosen, free = [], list(range(len(groups)))
+    for _ in range(count):
+        free = free or list(range(len(groups)))
+        first = free[int(rng.integers(len(free)))]
+        rivals = [at for at in free if groups[at] == groups[first]]
+        best = min(first, rivals[int(rng.integers(len(rivals)))])
+        chosen.append(best)
+        free.remove(best)
+    return chosen
+
+
+def thin_out(pool, places, looks):
+    """Of the two most similar, the worse leaves, unless it is among the best half of places."""
+    stays = list(pool) if places else []
+    safe = stays[: -(-places // 2)]
+    while len(stays) > places:
+        least = None
+        for first, one in enumerate(stays):
+            for other in stays[first + 1 :]:
+                if other not in safe:
+                    apart = sum(
+                        abs(int(a) - int(b)) > 30
+                        for a, b in zip(looks[one], looks[other], strict=True)
+                    )
+                    if least is None or apart < least[0]:
+                        least = apart, other
+        stays.remove(least[1])
+    return stays
+
+
+def fit_places(number, row, column, turns, reach):
+    """The plane through the places around each pixel, by least squares."""
+    height, width = number.shape
+    places, slopes = np.zeros((2, height, width)), np.zeros((4, height, width))
+    for y, x in np.argwhere(number >= 0).tolist():
+        steps, found = [], []
+        for yy in range(max(y - reach, 0), min(y + reach + 1, height)):
+            for xx in range(max(x - reach, 0), min(x + reach + 1, width)):
+                step = np.array([yy - y, xx - x])
+                place = np.array([row[yy, xx] - row[y, x], column[yy, xx] - column[y, x]])
+                far = np.hypot(*step)
+                aside = place - turns[:2, y, x] * step[0] - turns[2:, y, x] * step[1]
+                near = abs(np.hypot(*place) - far) <= 0.25 * far + 1.5
+                near = near and np.hypot(*aside) <= 0.8 * far + 1.5
+                if number[yy, xx] == number[y, x] and near:
+                    steps.append([1.0, *step])
+                    found.append(place)
+        places[:, y, x], slopes[:, y, x] = (row[y, x], column[y, x]), turns[:, y, x]
+        if len(steps) >= 9 and np.linalg.matrix_rank(np.array(steps)) == 3:
+            plane = np.linalg.lstsq(np.array(steps), np.array(found), rcond=None)[0]
+            places[:, y, x] += plane[0]
+            slopes[:, y, x] = plane[1:].ravel()
+    return places, slopes
 
 
 def most_distinct(looks, apart):
@@ -1907,3 +2088,67 @@ def light_facades(heights, walls, normals, back, storey, starts, ways, down, alo
             parts.append(sky_component(horizons, azimuths, math.atan2(*normals[:, i])))
         sky.append(sum(parts) / strips)
     return np.array(sky)
+
+
+def naive_local_density(heights, site, pixel, place, radius):
+    """GSI and FSI of the disc around ``place`` (row, column), metres from the centre of the
+    north-west pixel: pixel by pixel."""
+    count = footprint = floors = 0
+    for row in range(heights.shape[0]):
+        for column in range(heights.shape[1]):
+            if site is not None and not site[row, column]:
+                continue
+            down, along = row * pixel - place[0], column * pixel - place[1]
+            if down * down + along * along > radius * radius:
+                continue
+            count += 1
+            if heights[row, column] > 1.5:
+                footprint += 1
+                floors += math.floor(heights[row, column] / 3 + 0.5)
+    return (footprint / count, floors / count) if count else (math.nan, math.nan)
+
+
+def naive_local_patterns(image, radius):
+    """Local binary patterns of 8 neighbours, pixel by pixel: 58 for more than two changes, else the
+    number of the uniform pattern. Neighbours equal to the pixel up to rounding are not lower."""
+    numbers, count = {}, 0
+    for ones in range(9):
+        for turn in range(8 if 0 < ones < 8 else 1):
+            numbers[tuple((k + turn) % 8 < ones for k in range(8))] = count
+            count += 1
+    height, width = image.shape
+
+    def at(row, column):
+        return image[row, column] if 0 <= row < height and 0 <= column < width else 0.0
+
+    patterns = np.empty(image.shape, np.int64)
+    for row in range(height):
+        for column in range(width):
+            signs = []
+            for k in range(8):
+                y = row + round(-radius * math.sin(2 * math.pi * k / 8), 5)
+                x = column + round(radius * math.cos(2 * math.pi * k / 8), 5)
+                top, left = math.floor(y), math.floor(x)
+                down, along = y - top, x - left
+                value = (1 - down) * ((1 - along) * at(top, left) + along * at(top, left + 1))
+                value += down * ((1 - along) * at(top + 1, left) + along * at(top + 1, left + 1))
+                signs.append(value >= image[row, column] - 1e-6)
+            patterns[row, column] = numbers.get(tuple(signs), 58)
+    return patterns
+
+
+def parts_of_surface(surface, depth):
+    """The control points of a surface's parts, one by one: ``(N^depth, M^depth, n, m, d)``."""
+    if depth == 0:
+        return surface.points[None, None]
+    rows = []
+    for down in surface.rows:
+        row = []
+        for across in surface.columns:
+            part = np.stack(
+                [down.T @ layer @ across for layer in surface.points.transpose(2, 0, 1)]
+            )
+            row.append(parts_of_surface(type(surface)(part.transpose(1, 2, 0), surface.rows,
+                                                      surface.columns), depth - 1))  # fmt: skip
+        rows.append(np.concatenate(row, axis=1))
+    return np.concatenate(rows, axis=0)

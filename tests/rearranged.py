@@ -10,7 +10,7 @@ from towns import draw_town
 import evocity
 from evocity.citymap import CityMap
 from evocity.coding import decode
-from evocity.coding.decode import CollageMap
+from evocity.coding.collage_map import CollageMap
 from evocity.genome import FIELDS, Genome
 
 

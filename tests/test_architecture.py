@@ -60,7 +60,7 @@ MAY_IMPORT = {
     "towns": {"citymap"},
     "pictures": {"citymap", "pavement"},
     "formats": set(),
-    "io": {"citymap", "condensation", "formats", "pictures"},
+    "io": {"views", "citymap", "condensation", "formats", "pictures"},
     "scene": {"views", "citymap", "formats", "io", "pictures"},
     "coding": CORE,
     "operators": FORMING,
@@ -77,7 +77,7 @@ MAY_IMPORT = {
     "analysis": SEARCHING | {"scene", "viewer"},
     "notebook": SEARCHING | {"scene", "viewer", "analysis", "templates"},
     "plot": SEARCHING | {"scene", "analysis"},
-    "report": SEARCHING | {"scene", "viewer", "analysis", "templates"},
+    "report": SEARCHING | {"scene", "viewer", "analysis", "plot", "templates"},
     "studio": SEARCHING | {"scene", "viewer", "analysis", "growth", "shapes"},
     "cli": SEARCHING | {"growth", "towns", "scene", "analysis", "report", "shapes", "studio"},
     "__init__": set(),
@@ -501,6 +501,7 @@ def test_what_is_imported_is_declared():
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     names = {re.match(r"[A-Za-z0-9-]+", line)[0].lower() for line in declared["dependencies"]}
     modules = {"pil": "pillow", "pydantic_core": "pydantic", "tomli_w": "tomli-w"}
+    modules["skimage"] = "scikit-image"
     used = {name.lower() for path in MODULES for name in libraries(tree_of(path))}
     used -= {name.lower() for name in sys.stdlib_module_names} | {"evocity", ""}
     for extra in ("cluster", "studio"):

@@ -48,17 +48,28 @@ def draw_usage() -> None:
     save(contact_sheet([row]), "usage.png")
 
 
-def draw_filter(filtering, frequencies: tuple[int, ...], name: str) -> None:
-    genome = coded(LYON, ALL)
+#: What filters count and change, with the title of a row.
+PIXELS = {"By the calls of each pixel: pixels to ground (2002)": {}}
+WAYS = {
+    **PIXELS,
+    "By the calls of what range blocks are made of: flat range blocks (2005)": {
+        "count": "ranges",
+        "part": "blocks",
+    },
+    "By the calls of each pixel: whole buildings to ground": {"part": "buildings"},
+}
+
+
+def draw_filter(filtering, frequencies: tuple[int, ...], name: str, ways: dict, block=None) -> None:
+    genome = evocity.encode(evocity.read_map(LYON), reach=ALL, block=block).genome
     rows = []
-    for count in ("pixels", "ranges"):
+    for how in ways.values():
         row = [("decoded", map_of(genome))]
         for f_c in frequencies:
-            row.append((f"f_c = {f_c}", map_of(filtering(genome, f_c, count=count))))
+            row.append((f"f_c = {f_c}", map_of(filtering(genome, f_c, **how))))
         rows.append(row)
-    titles = ["By the calls of each pixel", "By the calls of what each range block is made of"]
     thanks = [f"{LYON}: {evocity.io.attribution_of(LYON)}"]
-    save(contact_sheet(rows, titles=titles, thanks=thanks), name, colours=40)
+    save(contact_sheet(rows, titles=list(ways), thanks=thanks), name, colours=40)
 
 
 def draw_ancestry() -> None:
@@ -100,7 +111,8 @@ def draw_towns() -> None:
 if __name__ == "__main__":
     draw_leaves()
     draw_usage()
-    draw_filter(low_pass, (100, 10, 1), "low-pass.png")
-    draw_filter(high_pass, (1, 2, 10), "high-pass.png")
+    draw_filter(low_pass, (100, 10, 1), "low-pass.png", WAYS, block=4)
+    by_ranges = {"By the calls of what each range block is made of": {"count": "ranges"}}
+    draw_filter(high_pass, (1, 2, 10), "high-pass.png", PIXELS | by_ranges)
     draw_ancestry()
     draw_towns()

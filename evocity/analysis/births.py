@@ -7,9 +7,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from pydantic_core import from_json
 
 from evocity.analysis.goals import Aim, aims_of, recorded_of
-from evocity.columns import array_of, words_of
+from evocity.columns import array_of, lists_of, words_of
 from evocity.errors import RunError, check_word, near_miss, spell
 from evocity.fitness import Aims, measures
 from evocity.genome import VOID
@@ -139,6 +140,27 @@ class Births:
         for aim in self.aims:
             within &= aim.within(self.value(aim.name))
         return within
+
+    @cached_property
+    def copies(self) -> np.ndarray:
+        """Bool ``(n,)``: bred, with the code of a parent."""
+        digests = np.array(self.read(["genome"])["genome"].to_pylist(), object)
+        lengths, parents = lists_of(self.parents)
+        child = np.repeat(np.arange(len(self)), lengths)
+        at = np.minimum(np.searchsorted(self.ids, parents), len(self) - 1)
+        equal = (self.ids[at] == parents) & (digests[at] == digests[child])
+        copies = np.zeros(len(self), bool)
+        copies[child[equal & (digests[child] != None)]] = True  # noqa: E711
+        return copies
+
+    @cached_property
+    def redrawn(self) -> list[list[str]]:
+        """The operators whose children gave way to other draws, of each birth that was drawn
+        again."""
+        texts = (text for text in self.read(["made"])["made"].to_pylist() if text)
+        made = (from_json(text) for text in texts if '"redrawn"' in text)
+        lists = [one.get("redrawn") for one in made if isinstance(one, dict)]
+        return [list(map(str, one)) for one in lists if isinstance(one, list)]
 
     @cached_property
     def sources(self) -> list[Source]:

@@ -183,11 +183,12 @@ class Individual(Displayed):
         """Compute the share of the map that comes from each source city, including open ground.
         Return a mapping from each city to its share; the shares add up to 1.
 
-        built : whether only ground with buildings counts. If only built ground counts, a map
-            without buildings gives an empty mapping, and a genome without a map raises `RunError`.
+        built : whether only ground with buildings counts, without locked pixels. If only built
+            ground counts, a map without such buildings gives an empty mapping, and a genome without
+            a map raises `RunError`.
         """
         fabric = fabric_of(self.run.header, self.genome, "the ancestry")
-        shares = built_shares(fabric, self.city) if built else fabric.shares
+        shares = built_shares(self.run.header, fabric, self.city) if built else fabric.shares
         pairs = zip(fabric.cities, shares, strict=True)
         return {city: float(share) for city, share in pairs if share > 0}
 
@@ -363,9 +364,13 @@ def fabric_of(header: Header, genome: Any, what: str) -> Genome:
     return fabric
 
 
-def built_shares(fabric: Genome, city: CityMap) -> np.ndarray:
-    """Return the share of each source city in what is built on ``city``, float64 ``(cities,)``."""
-    return fabric.shares_of(fabric.pavement.sums(city.built.astype(np.float32)))
+def built_shares(header: Header, fabric: Genome, city: CityMap) -> np.ndarray:
+    """Return the share of each source city in what is built on ``city``, float64 ``(cities,)``;
+    locked pixels count only in runs that also measured them, see `Header`."""
+    built = city.built
+    if fabric.condensation is not None and header.shares == "free":
+        built = built & ~fabric.condensation.mask
+    return fabric.shares_of(fabric.pavement.sums(built.astype(np.float32)))
 
 
 def shares_of(run: RunLog, ids: np.ndarray) -> np.ndarray:
@@ -393,5 +398,5 @@ def describe_scarce(shares: Mapping[str, float], cities: Sequence[str]) -> str:
 def share_text(share: float) -> str:
     """Return a share in words; a share between nothing and all is neither 0 % nor 100 %."""
     if 0 < share < 0.005:
-        return "under 1%"
-    return "over 99%" if 0.995 <= share < 1 else f"{share:.0%}"
+        return "under 1 %"
+    return "over 99 %" if 0.995 <= share < 1 else f"{100 * share:.0f} %"

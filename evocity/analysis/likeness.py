@@ -1,4 +1,6 @@
-"""Distances between births: by looks, by scores, by stones."""
+"""Distances between births: by looks, by structure, by shifted looks, by scores, by stones."""
+
+import math
 
 import numpy as np
 
@@ -12,15 +14,20 @@ from evocity.selection.fronts import Scale
 from evocity.selection.thumbprints import SIDE, STOREY, look_of
 
 #: Ways to compare births: the share of the map's cells that differ by more than a storey; the
-#: losses of all goals, in units of their ranges; the share of cells with stones of other places.
-WAYS = ("looks", "scores", "kin")
-#: Births compared with each other, at most.
-MOST = 3000
+#: losses of all goals, in units of their ranges; the share of cells with stones of other places;
+#: structural similarity (SSIM) of the cells; the highest peak of their phase correlation.
+WAYS = ("looks", "scores", "kin", "structure", "shift")
+#: Ways that take longer for each pair.
+SLOW = ("structure", "shift")
+#: Births compared with each other, at most; and by a slow way.
+MOST, MOST_SLOWLY = 3000, 500
 
 # Births that are read at a time.
 _AT_A_TIME = 64
 # Looks are in decimetres.
 _STOREY = np.uint16(round(STOREY * 10))
+# The range of heights of structural similarity, and the side of its windows, cells.
+_RANGE, _SIDE = 30.0, 7
 
 
 class Likeness:
@@ -42,6 +49,7 @@ class Likeness:
             if not self._births.ok[rows].all():
                 raise self._lacks(ids[~self._births.ok[rows]][0], "it was not measured")
             return self._births.losses[rows]
+        by = "looks" if by in SLOW else by
         kept = self._kept[by]
         missing = [one for one in dict.fromkeys(ids.tolist()) if one not in kept]
         self._births.rows(missing)
@@ -71,10 +79,11 @@ class Likeness:
 
     def matrix(self, ids: np.ndarray, by: str) -> np.ndarray:
         """Return all distances between the births ``ids``, float64 ``(n, n)``; at most `MOST`."""
-        if len(ids) > MOST:
+        most = MOST_SLOWLY if by in SLOW else MOST
+        if len(ids) > most:
             raise EvocityError(
-                f"{len(ids)} births are too many to compare each birth with all others",
-                f"at most {MOST} births",
+                f"{len(ids)} births are too many to compare each birth with all others by {by!r}",
+                f"at most {most} births",
                 'choose fewer births, for example of=run.archive.ids or of=run.where("alive")',
             )
         points = self._scaled(self.points(ids, by), by)
@@ -89,14 +98,53 @@ class Likeness:
         return _distances(points[-1], points[:-1], by)
 
     def _scaled(self, points: np.ndarray, by: str) -> np.ndarray:
-        """Losses in units of the ranges of the births that keep the constraints."""
+        """Losses in units of the ranges of the births that keep the constraints; cells in metres,
+        ``(n, h, w)``, or their phases."""
+        if by in SLOW:
+            side = math.isqrt(points.shape[-1]) if len(points) else 1
+            cells = points.reshape(-1, side, points.shape[-1] // side) / 10
+            return cells if by == "structure" else phases(cells)
         if by != "scores" or not len(points):
             return points
         ok = self._births.ok & self._births.feasible
         return Scale(self._births.losses[ok if ok.any() else self._births.ok])(points)
 
 
+def structure_distances(cells: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Compute (1 − SSIM) / 2 of heights ``cells`` (h, w) and of each of ``others`` (n, h, w), 0 for
+    equal maps: Wang et al. 2004, IEEE TIP 13(4), with uniform windows of 7 × 7 cells."""
+    from skimage.metrics import structural_similarity
+
+    side = min(_SIDE, *cells.shape)
+    side -= side % 2 == 0
+    if side < 3:  # a map of two cells has no windows
+        return (abs(others - cells) > STOREY).mean(axis=(1, 2))
+    how = {"data_range": _RANGE, "win_size": side}
+    return np.array([(1 - structural_similarity(cells, one, **how)) / 2 for one in others])
+
+
+def phases(cells: np.ndarray) -> np.ndarray:
+    """Compute the phases of the Fourier transforms of heights ``cells`` (n, s, s); those of level
+    ground are 0."""
+    transforms = np.fft.rfft2(cells - cells.mean(axis=(1, 2), keepdims=True))
+    transforms[np.ptp(cells, axis=(1, 2)) == 0] = 0  # and no errors of rounding
+    return transforms / np.maximum(abs(transforms), 1e-9)
+
+
+def shift_distances(phase: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Compute one minus the highest peak of phase correlation, over all shifts, of `phases` and of
+    each of ``others``, 0 for two maps of level ground: Kuglin & Hines 1975."""
+    side = phase.shape[-2]  # the columns have the positive frequencies only
+    peaks = np.fft.irfft2(others * phase.conj(), (side, side)).max(axis=(1, 2))
+    both_level = ~(others.any(axis=(1, 2)) | phase.any())
+    return np.where(both_level, 0.0, np.clip(1 - peaks, 0, 1))
+
+
 def _distances(point: np.ndarray, others: np.ndarray, by: str) -> np.ndarray:
+    if by == "structure":
+        return structure_distances(point, others)
+    if by == "shift":
+        return shift_distances(point, others)
     if by == "scores":
         return np.sqrt(np.square(others - point).mean(axis=1))
     if by == "kin":

@@ -1,5 +1,5 @@
-"""The outlook of a run: the time left, and targets and bounds that no birth has reached, with the
-help that would reach them."""
+"""The outlook of a run: the time left, what more births would bring, and targets and bounds that no
+birth has reached, with the help that would reach them."""
 
 from collections.abc import Sequence
 
@@ -7,6 +7,7 @@ import numpy as np
 
 from evocity.analysis.goals import Aim, planned_generations
 from evocity.analysis.run import Run
+from evocity.analysis.slope import more_births
 from evocity.store import RunLog
 
 #: Generations whose pace gives the time left.
@@ -60,7 +61,7 @@ def unreachable(run: Run) -> list[str]:
             close = children & (np.abs(values - aim.target) <= near)
             missed.append(_describe_guard(f"{_name(aim)} {_goal(aim)}", "near it", within, close))
         texts += filter(None, missed)
-    return texts or list(filter(None, [_describe_guard("the bounds", "", within, children)]))
+    return texts or list(filter(None, [_describe_guard("", "", within, children)]))
 
 
 def _describe_miss(
@@ -100,9 +101,11 @@ def _describe_guard(
         return ""
     broken = {name: int(np.count_nonzero(births & ~kept)) for name, kept in within.items()}
     name = max(broken, key=broken.__getitem__)
+    each = f"{what}: each" if what else "Each"
+    most = "All" if broken[name] == count else str(broken[name])
     return (
-        f"{what}: each of {count} births {where}".rstrip() + " breaks a bound. "
-        f"{broken[name]} of them break the bound of {name.replace('_', ' ')}. "
+        f"{each} of {count} births {where}".rstrip() + " breaks a bound. "
+        f"{most} of them break the bound of {name.replace('_', ' ')}. "
         "A wider bound there would help, or another parent."
     )
 
@@ -120,5 +123,10 @@ def _format(aim: Aim, value: float) -> str:
 
 
 def outlook(run: Run) -> dict[str, float | Sequence[str] | None]:
-    """Return the outlook as plain values: ``seconds_left`` and the sentences of `unreachable`."""
-    return {"seconds_left": seconds_left(run), "unreachable": unreachable(run)}
+    """Return the outlook as plain values: ``seconds_left``, the sentences of `unreachable`, and
+    ``more_births``."""
+    return {
+        "seconds_left": seconds_left(run),
+        "unreachable": unreachable(run),
+        "more_births": more_births(run),
+    }

@@ -1,6 +1,7 @@
 """Parents and ancestors of births, as arrays and as a graph."""
 
 import gc
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
@@ -143,9 +144,12 @@ def credit_of(births: Births, pedigree: Pedigree) -> tuple[np.ndarray, dict[str,
 
     among = counted(pedigree.ancestors(np.flatnonzero(births.alive)))
     share = among / max(1, among.sum())
+    rejected = Counter(name for one in births.redrawn for name in one)
     columns = {
         "births": counts,
         "failed": counted(~births.ok),
+        "copies": counted(births.copies),
+        "redrawn": np.array([rejected[name] for name in names.tolist()], np.int64),
         "survived": counted(births.lived > 0),
         "entered": counted(archive_entries(births)),
         "ancestors": share,

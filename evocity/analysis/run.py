@@ -281,10 +281,10 @@ class Run(complete_run.CompleteRun, Displayed):
         columns. The column ``cluster`` numbers the groups from 0. The column ``medoid`` is true for
         the middle birth of each group.
 
-        by : kind of distance between two births. The distance "looks" is the share of the area
-            where the heights differ by more than a storey. The distance "scores" is the difference
-            between the losses of two births, each loss divided by its range. The distance "kin" is
-            the share of the area where two births show different places of source cities.
+        by : kind of distance: "looks", the share of the area where heights differ by more than a
+            storey; "structure", by structural similarity; "shift", by correlation over all shifts;
+            "scores", the difference of losses, each divided by its range; "kin", the share of the
+            area with different places of source cities.
 
         Raises `EvocityError` if ``k`` is out of range, or if there are too many births to compare.
         """
@@ -356,13 +356,13 @@ class Run(complete_run.CompleteRun, Displayed):
         return credit_of(self.columns, self.pedigree)
 
     def credit(self) -> "pd.DataFrame":
-        """Return a data frame of the success of the operators, with one row per operator. The
-        columns ``births``, ``failed`` and ``survived`` count the operator's births; a birth
-        survives if it lives for a generation. The column ``entered`` counts the births that were in
-        the archive when born. The column ``ancestors`` is the operator's share of the living
-        individuals and their ancestors. The column ``paid`` holds the value in the column
-        ``ancestors`` divided by the operator's share of all births. A ``paid`` value above 1 means
-        more success than the average. The column ``seconds`` is the mean time of a birth."""
+        """Return a data frame of the success of operators, one row per operator. The columns
+        ``births``, ``failed`` and ``survived`` count the operator's births; a birth survives if it
+        lives for a generation. The column ``copies`` counts births that equal a parent. The column
+        ``redrawn`` counts draws that equalled a parent and were drawn again. The column ``entered``
+        counts births that entered the archive. The column ``ancestors`` is the operator's share of
+        the living and their ancestors. The column ``paid`` divides that share by the operator's
+        share of births, on average 1. The column ``seconds`` is the mean time of a birth."""
         names, columns = self.operator_credit
         return frame_of(columns, names, "operator")
 

@@ -93,7 +93,7 @@ class Shortlist(list[ShortlistEntry], Displayed):
         if not self.untraced:
             return ""
         cities = " or ".join(self.untraced)
-        return f"None of these has more than {TRACE:.0%} of its buildings from {cities}."
+        return f"None of these has more than {100 * TRACE:.0f} % of its buildings from {cities}."
 
     @property
     def frame(self) -> "pd.DataFrame":
@@ -158,7 +158,10 @@ def _kinds(
             yield int(rows[middle[group]]), _stands_for(int(sizes[group]) - 1, where)
     while (far := near()).max() > apart:
         row = int(far.argmax())
-        yield int(rows[row]), f"It differs in {far[row]:.0%} of the map from all named before."
+        yield (
+            int(rows[row]),
+            f"It differs in {100 * far[row]:.0f} % of the map from all named before.",
+        )
 
 
 def _stands_for(others: int, where: str) -> str:
@@ -207,8 +210,8 @@ class _Choice:
             behind = self.scaled[row, worst]
             sentences.append(
                 f"It is nearest to the best of all goals at once, of the {len(self.ids)} "
-                f"{self.where}. It is farthest from the best in {goals[worst]}, by {behind:.0%} of "
-                "the range."
+                f"{self.where}. It is farthest from the best in {goals[worst]}, "
+                f"by {100 * behind:.0f} % of the range."
                 if behind > 0
                 else f"It is the best in every goal, of the {len(self.ids)} {self.where}."
                 if len(self.ids) > 1

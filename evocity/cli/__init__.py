@@ -14,7 +14,8 @@
 - `pattern`: a town drawn by a rule
 - `listings`: `cities`, `operators` and `readers`
 - `fitness`, `fitness_new`, `fitness_check`: measures, and your own
-- `shape`: shapes without a city; `curve`, `curve_detail`: lines as curves with details
+- `shape`: shapes without a city; `curve`, `curve_detail`: lines as curves with details;
+  `surface`: ground as surfaces with details
 - `shared`: what several commands need: `options`, `inputs`, `checks`, `terminal` for printing,
   `commands` for errors and exit codes, `search_progress`
 
@@ -48,6 +49,7 @@ from evocity.cli.show import show
 from evocity.cli.status import report, status
 from evocity.cli.steer import pick, reweight, stop
 from evocity.cli.studio import studio
+from evocity.cli.surface import surface
 
 
 @click.group(
@@ -69,7 +71,7 @@ def main() -> None:
 
 _RUNS = (run, recipe, resume, pick, reweight, stop, refine, replay, status, report, keep, studio)
 _MAPS = (encode, decode, breed, grow, score, autosimilarity, show, scene, library, pattern, cities)
-for _command in (*_RUNS, *_MAPS, fitness, operators, readers, shape, curve):
+for _command in (*_RUNS, *_MAPS, fitness, operators, readers, shape, curve, surface):
     main.add_command(_command)
 
 __all__ = ["main"]

@@ -145,7 +145,7 @@ def autosimilarity(
         else f"{title}: no pixel has a value, all blocks are flat; {seconds:.1f} s"
     )
     if 0 < known.size < values.size:
-        echo(f"{known.size / values.size:.0%} of the pixels have a value")
+        echo(f"{100 * known.size / values.size:.0f} % of the pixels have a value")
     for path in (output, curve):
         if path:
             echo(f"wrote {path}")

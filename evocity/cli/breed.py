@@ -2,14 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from evocity.cli.shared.checks import check_genome_output, report_write_errors
+from evocity.cli.shared.checks import check_genome_output, check_output, report_write_errors
 from evocity.cli.shared.commands import command
 from evocity.cli.shared.inputs import parents_of
 from evocity.cli.shared.options import (
     WHOLE,
+    frames_option,
     ids_option,
     json_option,
     option,
@@ -21,6 +23,13 @@ from evocity.cli.shared.options import (
 from evocity.cli.shared.terminal import echo, note, note_compiling, print_json
 from evocity.errors import OperatorError
 
+if TYPE_CHECKING:
+    from evocity.genome import Genome
+
+#: Operators whose ``share`` runs from one parent to the other.
+FILMED = ("interpolation", "lambda_crossover", "symmetric_fusion")
+#: How often a child that equals a parent is bred again, by default and at most.
+REDRAWS, MOST_REDRAWS = 3, 16
 #: The least shortfall of a share that is noted.
 SHORT = 0.1
 
@@ -29,18 +38,27 @@ SHORT = 0.1
   evocity breed pavement_fusion lyon.parquet montpellier.parquet -o child.parquet
   evocity breed pavement_fusion lyon-1er montpellier-pas-du-loup --seed 7 \\
       --set side_max=64 --set fill=0.3 --set domains=2,3 -o child.parquet
+  evocity breed interpolation lyon.parquet montpellier.parquet --frames 25 -o film.webp
   evocity breed mutation runs/lyon-x-montpellier --id 97 --set repair=none -o child.parquet""")
 @click.argument("operator", metavar="OPERATOR")
 @click.argument("parents", metavar="PARENT...", nargs=-1, required=True)
-@output_option("GENOME", "Genome file to write, usually .parquet")
+@output_option("GENOME", "Genome file to write, usually .parquet; with --frames .webp or .png")
 @option("--seed", "Seed of the random draws; the same seed makes the same child.", WHOLE, 0)
 @settings_option("the operator's own")
+@frames_option
 @ids_option("Give one --id for each run folder among the parents, in the order of the folders")
+@option(
+    "--redraws N",
+    "How often a child that equals a parent is bred again, with less strict parameters.",
+    click.IntRange(0, MOST_REDRAWS),
+    REDRAWS,
+)
 @parent_options
 @json_option
 def breed(
-    operator: str, parents, output: Path, seed, settings, identifiers, reading, coding, as_json
-) -> None:
+    operator: str, parents, output: Path, seed, settings, frames, identifiers, redraws, reading,
+    coding, as_json,
+) -> None:  # fmt: skip
     """Breed a child of PARENTs with OPERATOR, and write the genome of the child.
 
     The command `evocity operators list` prints the operators and their parameters. A PARENT is a
@@ -49,27 +67,49 @@ def breed(
     pixels and the same pixel size. Most operators need parents that have the same range blocks. The
     child keeps the pixels that were locked in a parent with `evocity encode --lock`.
 
-    The JSON document has the keys "operator", "seed", "lifs", "cities" and "made". The key "cities"
-    contains the share of the map that comes from each source city. The key "made" contains results
-    that the operator reports, for example the number of repaired lifs.
-    """
-    import numpy as np
+    If the child equals a parent, the command breeds again, up to --redraws times. Each redraw has
+    other random draws; fusions get a larger tolerance, and region fusion may cut more. The command
+    prints how often it bred again, and with which parameters.
 
-    check_genome_output(output, *parents)
-    breeding = make_operator(operator, settings_of(settings))
+    With --frames, the command writes pictures of children in place of a genome, from the first
+    PARENT (share λ = 1) to the second PARENT (λ = 0) in equal steps. OPERATOR is then
+    interpolation, lambda_crossover or symmetric_fusion.
+
+    The JSON document has the keys "operator", "seed", "lifs", "cities", "made", "redraws" and
+    "copy_of". The key "cities" contains the share of the map that comes from each source city. The
+    key "made" contains results that the operator reports, for example the number of repaired lifs.
+    The key "redraws" contains the number of redraws. The key "copy_of" contains the number of the
+    parent that the child equals, or null.
+    """
+    given = settings_of(settings)
+    if frames is None:
+        check_genome_output(output, *parents)
+    else:
+        _check_frames(operator, given, output, frames, parents)
+    breeding = make_operator(operator, given)
     _check_count(breeding, len(parents))
     note_compiling()
+    if frames is not None:
+        genomes = parents_of(parents, identifiers, reading, coding)
+        _write_frames(operator, given, genomes, seed, frames, output)
+        if as_json:
+            print_json({"operator": operator, "seed": seed, "frames": frames})
+        else:
+            echo(f"{operator}: {frames} frames from λ = 1 to λ = 0\nwrote {output}")
+        return
     genomes = parents_of(parents, identifiers, reading, coding)
-    child = breeding(genomes, np.random.default_rng(seed))
+    child, done, changed = _breed_again(breeding, genomes, seed, redraws)
+    copied = next((k for k, one in enumerate(genomes, 1) if one.digest == child.digest), None)
     with report_write_errors(output):
         child.write(output)
     shares = dict(zip(child.cities, child.shares.tolist(), strict=True))
     made = {key: value for key, value in child.made.items() if key != "operator"}
+    _note_copies(done, changed, copied)
     _note_fill(made)
     _note_street_blocks(breeding, parents, made)
     if as_json:
         about = {"operator": operator, "seed": seed, "lifs": len(child)}
-        print_json({**about, "cities": shares, "made": made})
+        print_json({**about, "cities": shares, "made": made, "redraws": done, "copy_of": copied})
         return
     p = child.pavement
     sides = f"B = {p.block}" if p.uniform else f"leaves of {p.finest} to {p.coarsest} px"
@@ -77,10 +117,83 @@ def breed(
         f"{operator}: {len(child)} lifs, {sides}, {p.height} × {p.width} px at "
         f"{child.metres_per_pixel:g} m"
     )
-    echo("shares: " + ", ".join(f"{city}: {share:.0%}" for city, share in shares.items()))
+    echo("shares: " + ", ".join(f"{city}: {100 * share:.0f} %" for city, share in shares.items()))
     for key, value in made.items():
         echo(f"{key}: {_format(value)}")
     echo(f"wrote {output}")
+
+
+def _breed_again(
+    operator, genomes: "Sequence[Genome]", seed: int, redraws: int
+) -> "tuple[Genome, int, dict[str, object]]":
+    """Breed a child, and breed again while it equals one of the ``genomes``: the child, the number
+    of redraws, and the parameters that differ from those of the ``operator``."""
+    import numpy as np
+
+    from evocity.search.breeding.redraws import relax
+
+    known, first = {genome.digest for genome in genomes}, operator
+    child = operator(genomes, np.random.default_rng(seed))
+    done = 0
+    while done < redraws and child.digest in known:
+        done += 1
+        operator = relax(operator)
+        child = operator(genomes, np.random.default_rng([seed, done]))
+    before, now = (getattr(one, "__dict__", {}) for one in (first, operator))
+    return child, done, {key: value for key, value in now.items() if value != before[key]}
+
+
+def _note_copies(redraws: int, changed: Mapping[str, object], copied: int | None) -> None:
+    """Note redraws with the parameters that they ``changed``, and a child that equals a parent."""
+    if redraws and copied is None:
+        by = ", with " + ", ".join(f"{k} = {_format(v)}" for k, v in changed.items())
+        times = f"{redraws} time{'s' * (redraws > 1)}"
+        note(f"the child equalled a parent, so it was bred again {times}{by if changed else ''}")
+    elif copied is not None:
+        tried = f", also after {redraws} redraw{'s' * (redraws > 1)}" if redraws else ""
+        note(
+            f"the child equals parent {copied}{tried}: give less strict parameters by --set, see "
+            "evocity operators list"
+        )
+
+
+def _check_frames(operator: str, settings, output: Path, frames: int, parents) -> None:
+    """Raise unless ``frames`` of an ``operator`` can be written to ``output``."""
+    from evocity.cli.shared.frames import check_film
+
+    check_film(output, frames)
+    for parent in parents:
+        check_output(output, parent)
+    if operator not in FILMED:
+        raise OperatorError(
+            f"--frames cannot be used with the operator {operator}",
+            f"an operator with a share of the first parent: {', '.join(FILMED)}",
+            "choose one of these operators, or leave --frames out",
+        )
+    if "share" in settings:
+        raise OperatorError(
+            f"--frames cannot be used with --set share={settings['share']}",
+            "no share, because each frame has its own",
+            "leave --set share=… out",
+        )
+
+
+def _write_frames(operator: str, settings, genomes, seed: int, frames: int, output: Path) -> None:
+    """Write pictures of children with shares from 1 to 0, all in the same colours."""
+    import numpy as np
+
+    from evocity import decode
+    from evocity.cli.shared.frames import write_film
+    from evocity.pictures import render
+
+    cities = []
+    for number in range(frames):
+        breeding = make_operator(operator, {**settings, "share": 1 - number / (frames - 1)})
+        cities.append(decode(breeding(genomes, np.random.default_rng(seed))).city)
+    highest = max(max(float(city.heights.max()) for city in cities), 1.0)
+    pictures = (render(city, highest=highest) for city in cities)
+    with report_write_errors(output):
+        write_film(pictures, output, frames=frames, milliseconds=120)
 
 
 def _note_fill(made: Mapping[str, object]) -> None:

@@ -54,15 +54,16 @@ def curve() -> None:
 @command("""
   evocity curve trace lyon-1er -o edge.geojson
   evocity curve trace lyon-1er --what streets --count 5 -o streets.geojson
-  evocity curve trace lyon-1er --what skyline --bearing 30 -o skyline.geojson""")
-@click.argument("source", metavar="MAP|GENOME|RUN")
+  evocity curve trace lyon-1er --what skyline --bearing 30 -o skyline.geojson
+  evocity curve trace leaf.png --what outline -o leaf.geojson""")
+@click.argument("source", metavar="MAP|GENOME|RUN|PICTURE")
 @id_option
 @output_option("GEOJSON", "File to write")
 @option(
     "--what",
-    "Lines to trace: the edge of the built fabric, the skyline, the façades, or the middle "
-    "lines of streets.",
-    click.Choice(["edge", "skyline", "facades", "streets"]),
+    "Lines to trace: the edge of the built fabric, the skyline, the façades, the middle lines of "
+    "streets, or the outline of the largest dark area of a PNG picture.",
+    click.Choice(["edge", "skyline", "facades", "streets", "outline"]),
     "edge",
 )
 @option(
@@ -73,9 +74,9 @@ def curve() -> None:
 )
 @option(
     "--reach",
-    "Half the width of the widest gap that the traced edge closes, in metres.",
+    "Half the width of the widest gap that the traced edge closes, in metres; in pixels for an "
+    "outline. [12; 0 for an outline]",
     click.FloatRange(0, 200),
-    12.0,
 )
 @option("--count", "Largest number of lines to write; the longest lines come first.", POSITIVE, 1)
 @json_option
@@ -86,12 +87,15 @@ def trace(
     output: Path,
     what: str,
     bearing: float,
-    reach: float,
+    reach: float | None,
     count: int,
     as_json: bool,
     reading: Mapping[str, object],
 ) -> None:
     """Trace lines in a map: the edge of the built fabric, the skyline, façades or streets.
+
+    With --what outline, the source is a PNG picture of a dark shape on a light ground, such as a
+    leaf. The outline begins and ends at its lowest point. A pixel of the picture counts as a metre.
 
     In the JSON document, the key "lines" lists the number of points and the length (metres) of each
     line.
@@ -99,8 +103,21 @@ def trace(
     from evocity import scene
     from evocity.io import PlacedLines, write_lines
     from evocity.io.lines import crs_code
+    from evocity.scene.lines import REACH
 
     check_output(output, source, {".geojson", ".json"})
+    if what == "outline":
+        if identifier is not None or reading:
+            raise EvocityError(
+                "--what outline cannot be used with --id or with options of maps",
+                "a PNG picture, without these options",
+                "leave these options out, or choose other lines with --what",
+            )
+        line = scene.picture_outline(_read_picture(source), reach or 0.0)
+        write_lines(PlacedLines((line,), None, ""), output)
+        _say_traced([line], what, output, as_json)
+        return
+    reach = REACH if reach is None else reach
     city = city_of(source, reading, identifier)
     if what == "skyline":
         lines, crs = [scene.skyline(city, bearing)], None
@@ -118,6 +135,10 @@ def trace(
             "use a larger map, or choose other lines with the option --what",
         )
     write_lines(PlacedLines(tuple(lines), crs, city.attribution), output)
+    _say_traced(lines, what, output, as_json)
+
+
+def _say_traced(lines: "list[np.ndarray]", what: str, output: Path, as_json: bool) -> None:
     listed = [{"points": len(line), "length": length_of(line)} for line in lines]
     if as_json:
         print_json({"lines": listed})
@@ -125,6 +146,20 @@ def trace(
     for line in listed:
         echo(f"{what}: {line['points']} points, {line['length']:.0f} m")
     echo(f"wrote {output}")
+
+
+def _read_picture(source: str) -> "np.ndarray":
+    """Read the dark pixels of the picture ``source``."""
+    from evocity.errors import reason_of
+    from evocity.fitness.curves import read_dark
+
+    try:
+        content = Path(source).read_bytes()
+    except OSError as error:
+        raise EvocityError(
+            f"{source} cannot be read: {reason_of(error)}", "a PNG picture", "check the path"
+        ) from None
+    return read_dark(content, source)
 
 
 @command("""

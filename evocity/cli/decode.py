@@ -24,6 +24,7 @@ from evocity.cli.shared.options import (
     id_option,
     option,
     output_option,
+    part_option,
     settle_options,
 )
 from evocity.cli.shared.terminal import describe, echo, note_compiling
@@ -37,6 +38,7 @@ _PLACED = (".gpkg", ".fgb", ".geoparquet", ".tif", ".tiff")
   evocity decode lyon.parquet -o lyon.tif
   evocity decode lyon.parquet -o detailed.png --zoom 2
   evocity decode lyon.parquet -o simpler.png --low-pass 10
+  evocity decode lyon.parquet -o blocks.png --low-pass 1 --count ranges --part blocks
   evocity decode lyon.parquet -o called.png --high-pass 2
   evocity decode lyon.parquet -o lyon.geojson
   evocity decode lyon.parquet -o steps.tif --settle roofs
@@ -70,6 +72,7 @@ _PLACED = (".gpkg", ".fgb", ".geoparquet", ".tif", ".tiff")
     float,
 )
 @count_option
+@part_option
 @settle_options("as the genome")
 @flag("--raw", "Write footprints along pixel edges, without fitting straight walls.")
 def decode(
@@ -82,6 +85,7 @@ def decode(
     low_pass,
     high_pass,
     count,
+    part,
     settle,
     raw,
 ) -> None:
@@ -93,7 +97,9 @@ def decode(
     pixel with ground, all pixels that the genome copies from this pixel become flat. With both
     --low-pass and --high-pass, the map keeps only the pixels whose number of copies is between the
     two limits. The command `evocity show --usage` prints useful values of F_C for --low-pass and
-    --high-pass; published examples use 1, 10 and 100.
+    --high-pass; published examples use 1, 10 and 100. With --part blocks and --count ranges, range
+    blocks become flat, which simplifies buildings. With --part buildings, whole buildings become
+    ground, and the other buildings stay as they are.
 
     The genome says how decoding makes roofs flat. With --settle or --no-settle, this map gets
     other roofs, and the genome stays the same.
@@ -113,7 +119,8 @@ def decode(
     check_crs(crs, output, PLACED)
     filters = {"low-pass": low_pass, "high-pass": high_pass}
     filters = {name: f_c for name, f_c in filters.items() if f_c is not None}
-    check_needs("--count", "--low-pass or --high-pass", count is not None and not filters)
+    for option_name, value in (("--count", count), ("--part", part)):
+        check_needs(option_name, "--low-pass or --high-pass", value is not None and not filters)
     for name, f_c in filters.items():
         if not f_c >= 0:
             raise EvocityError(
@@ -137,8 +144,8 @@ def decode(
     check_zoom(code.pavement, zoom)
     facts = []
     for name, f_c in filters.items():
-        code, share = _filter(code, name, f_c, count or "pixels")
-        facts.append(f"{name} at {f_c:g} calls: ground on {share:.0%} of the pixels")
+        code, fact = _filter(code, name, f_c, count or "pixels", part or "pixels")
+        facts.append(f"{name} at {f_c:g} calls: {fact}")
     decoding = warn_unconverged(evocity.decode(code, zoom=zoom, settle=settle), genome)
     city = decoding.city
     filtered = "".join(f", {name} at {f_c:g}" for name, f_c in filters.items())
@@ -169,10 +176,19 @@ def _write_form(
     echo(f"wrote {output}")
 
 
-def _filter(code, name: str, f_c: float, count: str) -> tuple:
-    """The filtered ``code``, and the share of its pixels that the filter turns to ground."""
-    from evocity.coding import high_pass, low_pass
+def _filter(code, name: str, f_c: float, count: str, part: str) -> tuple:
+    """The filtered ``code``, and the share of its pixels that the filter changes."""
+    from evocity.coding import decoded, high_pass, low_pass
 
-    filtered = {"low-pass": low_pass, "high-pass": high_pass}[name](code, f_c, count=count)
-    kept = [0 if c.condensation is None else len(c.condensation) for c in (code, filtered)]
-    return filtered, (kept[1] - kept[0]) / (code.pavement.height * code.pavement.width)
+    filtering = {"low-pass": low_pass, "high-pass": high_pass}[name]
+    filtered = filtering(code, f_c, count=count, part=part)
+    pixels = code.pavement.height * code.pavement.width
+    if part == "pixels":
+        kept = [0 if c.condensation is None else len(c.condensation) for c in (code, filtered)]
+        return filtered, f"ground on {(kept[1] - kept[0]) / pixels * 100:.0f} % of the pixels"
+    if part == "blocks":
+        level = filtered.uniform & ~code.uniform
+        share = code.pavement.area[level].sum() / pixels
+        return filtered, f"flat range blocks on {100 * share:.0f} % of the pixels"
+    counts = [len(decoded(one).city.areas) for one in (code, filtered)]
+    return filtered, f"{counts[0] - counts[1]} of {counts[0]} built components became ground"

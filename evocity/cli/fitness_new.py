@@ -1,10 +1,12 @@
 """`evocity fitness new`: a Python file with a first measure."""
 
 import builtins
+import contextlib
 import dataclasses
 import keyword
 import re
 import textwrap
+from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 
@@ -13,9 +15,10 @@ import click
 import evocity
 from evocity.cli.shared.checks import check_folder, report_write_errors
 from evocity.cli.shared.commands import command
-from evocity.cli.shared.options import FILE, option
+from evocity.cli.shared.inputs import city_of
+from evocity.cli.shared.options import FILE, map_options, option
 from evocity.cli.shared.terminal import echo
-from evocity.errors import EvocityError
+from evocity.errors import EvocityError, plain_text
 
 _TEMPLATE = '''\
 """A measure of my own. Try it: evocity fitness check {file}"""
@@ -49,9 +52,41 @@ def {name}(city):
 '''
 
 
+_FIELD_TEMPLATE = '''\
+"""How far a map is from wanted densities. Try it: evocity fitness check {file}"""
+
+import math
+from pathlib import Path
+
+import evocity
+from evocity.fitness import WantedDensity
+
+# {count} places on {city}, from {field}. They are metres from the south-west corner of the map.
+WANTED = WantedDensity.load(Path(__file__).with_name("{data}"), radius={radius})
+'''
+
+_FIELD_MEASURE = '''
+
+@evocity.fitness(goal="min", data="{data}", range=(0, math.inf))
+def {name}(city):
+    """Difference between local {index} and the {index} that a field wants.
+
+    Formula: root of the mean squared difference over all places with a wish; local {index} counts
+    the ground within {radius:g} m.
+    Unit: none. Range: 0 upwards. Empty map: the differences to {index} 0. Undefined on a map that
+    lacks places of the field.
+    Source: local density, Marsault 2002 (section 6.2).
+    """
+    if not WANTED.fits(city):
+        return evocity.fitness.Undefined("places of the field lie outside the map")
+    return WANTED.gap(city, "{density}")
+'''
+
+
 @command("""
   evocity fitness new skyline
-  evocity fitness new crowding --goal min --unit /ha -o measures""")
+  evocity fitness new crowding --goal min --unit /ha -o measures
+  evocity fitness new plan --field wanted.geojson --map lyon-1er --radius 100""")
 @click.argument("name", metavar="NAME")
 @option(
     "--goal",
@@ -71,16 +106,35 @@ def {name}(city):
     "[NAME.py here]",
     FILE,
 )
-def new(name: str, goal: str, unit: str, output: Path | None) -> None:
+@option(
+    "--field FILE",
+    "Wanted densities: a raster, GeoJSON points with properties gsi or fsi, or a CSV file with "
+    "columns x, y and gsi or fsi.",
+    FILE,
+)
+@option("--map MAP chart", "Map on which the field lies.")
+@option("--radius M", "Radius in which densities count, metres.", float, 100.0)
+@option("--density", "Density that a raster holds.", click.Choice(["fsi", "gsi"]), "fsi")
+@map_options
+def new(
+    name: str, goal: str, unit: str, output: Path | None, field, chart, radius, density, reading
+) -> None:
     """Write a Python file with an example measure called NAME.
 
     The example measure works without changes. The file sets each property of a measure, such as
     goal, unit and range. Change the formula in the file, then try the measure on cities with
     `evocity fitness check NAME.py`.
+
+    With --field, the measure is the difference between the local density of a map and wanted
+    densities. The option --map names the map on which the field lies. The command also writes
+    NAME.csv, with the places of the field on the map.
     """
     _check_name(name)
     _check_unit(unit)
     path = _new_path(output or Path(), name)
+    if field is not None or chart is not None:
+        _write_field_measure(name, path, field, chart, radius, density, reading)
+        return
     text = measure_text(name, goal, unit, path.name)
     with report_write_errors(path), open(path, "x", encoding="utf-8") as file:
         file.write(text)
@@ -91,6 +145,44 @@ def new(name: str, goal: str, unit: str, output: Path | None) -> None:
     echo("To breed with it, in a recipe beside it (docs/recipe.md):")
     target = "\n  target = 1.0" if goal == "none" else ""
     echo(f'  [[fitness]]\n  file = "{path.name}"{target}')
+
+
+def _write_field_measure(name, path: Path, field, chart, radius, density, reading) -> None:
+    """Write a measure of the distance to a field, with the places of the field beside it."""
+    if field is None or chart is None:
+        raise EvocityError(
+            f"only {'--field' if chart is None else '--map'}",
+            "--field with the wanted densities, and --map with the map on which they lie",
+            "give both options",
+        )
+    data = path.with_suffix(".csv")
+    _refuse_existing(data)
+    city = city_of(chart, reading)
+    wanted = evocity.io.read_wanted_density(field, city, radius, density)
+    wishes = wanted.wishes
+    names = {name if len(wishes) == 1 else f"{name}_{wish}": wish for wish in wishes}
+    known = {
+        "data": data.name,
+        "radius": float(radius),
+        "city": plain_text(city.name),
+        "field": plain_text(field.name),
+    }
+    text = _FIELD_TEMPLATE.format(file=path.name, count=len(wanted), **known)
+    for own, wish in names.items():
+        text += _FIELD_MEASURE.format(name=own, density=wish, index=wish.upper(), **known)
+    with _new_file(data):
+        wanted.save(data)
+    try:
+        with _new_file(path), open(path, "x", encoding="utf-8") as file:
+            file.write(text)
+    except EvocityError:
+        data.unlink(missing_ok=True)
+        raise
+    echo(f"wrote {path} and {data}: {len(wanted)} places with {' and '.join(wishes)}")
+    for own, wish in names.items():
+        echo(f"{own} of {city.name}: {wanted.gap(city, wish):.4g}")
+    echo("To breed with it, in a recipe beside it (docs/recipe.md):")
+    echo(f'  [[fitness]]\n  file = "{path.name}"')
 
 
 def measure_text(name: str, goal: str, unit: str, file: str) -> str:
@@ -196,10 +288,27 @@ def _new_path(output: Path, name: str) -> Path:
             f"choose another name, for example -o {path.with_suffix('.py')}",
         )
     check_folder(path.parent)
+    _refuse_existing(path)
+    return path
+
+
+@contextlib.contextmanager
+def _new_file(path: Path) -> Iterator[None]:
+    """Report errors while a new file is written, and remove its part; keep a file of others."""
+    try:
+        with report_write_errors(path):
+            yield
+    except EvocityError as error:
+        if not isinstance(error.__cause__, FileExistsError):
+            with contextlib.suppress(OSError):
+                path.unlink()
+        raise
+
+
+def _refuse_existing(path: Path) -> None:
     if path.exists() or path.is_symlink():
         raise EvocityError(
             f"{str(path)!r} exists already",
             "the name of a file that does not exist yet",
             "choose another file name or another folder with -o",
         )
-    return path

@@ -324,7 +324,8 @@ def _quality_of(made: dict, seconds: float) -> list[str]:
     sides = f"of {made['side_min']:g} to {made['side_max']:g} m laid in {seconds:.1f} s"
     if made.get("streets"):
         lines = [
-            f"{made['groups']} quarters {sides}; {made['front']:.0%} of their fronts are built"
+            f"{made['groups']} quarters {sides}; "
+            f"{100 * made['front']:.0f} % of their fronts are built"
         ]
         if made["forced"]:
             lines.append(f"{made['forced']} of them stay open, because no place fits")

@@ -35,6 +35,9 @@ from evocity.cli.shared.terminal import (
 )
 from evocity.errors import EvocityError
 
+#: The longest run of a new recipe, hours: a week.
+_MOST_HOURS = 168
+
 
 @click.group(cls=Commands)
 def recipe() -> None:
@@ -68,13 +71,30 @@ def recipe() -> None:
     required=True,
 )
 @flag("--force", "Overwrite an existing recipe.")
+@option(
+    "--hours",
+    "Length of the run: as many births as all cores breed in so many hours, at most "
+    f"{_MOST_HOURS}.",
+    float,
+    8.0,
+)
 @option("--pixels", "Number of pixels on each side of a map's window: a multiple of 16.", int, 256)
 @metres_option
 @centers_option
 @file_options
 @json_option
 def new(
-    maps, words, bands, output: Path, force, pixels, metres_per_pixel, center, as_json, **of_files
+    maps,
+    words,
+    bands,
+    output: Path,
+    force,
+    hours: float,
+    pixels,
+    metres_per_pixel,
+    center,
+    as_json,
+    **of_files,
 ) -> None:
     """Write a recipe that breeds from MAPs, with bounds calibrated on these maps.
 
@@ -82,7 +102,8 @@ def new(
     genome, then measures both the map and the decoded genome. The recipe sets bounds on three
     measures: integrity, fabric distance and small buildings. The encoded parents satisfy all bounds
     in the recipe, but a map of scattered fragments violates these bounds. Comments in the recipe
-    explain each line, list the values of the parents, and estimate the time of a run. Paths in the
+    explain each line, list the values of the parents, and estimate the time of a run. The command
+    breeds a few children, and fits the number of generations to the option --hours. Paths in the
     recipe are relative to the folder of the recipe. For a measure without a goal, the recipe sets a
     target: the value that the first MAP has after encoding and decoding.
 
@@ -93,13 +114,14 @@ def new(
     "duration" is the estimated time of the run on all cores, in seconds.
     """
     from evocity.search.calibration.calibration import calibrate_recipe
-    from evocity.search.calibration.recipe_text import RecipeSettings, describe_duration
+    from evocity.search.calibration.recipe_text import RecipeSettings, describe_forecast
 
     for source in maps:
         check_output(output, source, {".toml"})
     _refuse_existing(output, force)
+    _check_hours(hours)
     parents = _parents(maps, center, of_files, output.parent)
-    texts = RecipeSettings(_name(output), parents, pixels, metres_per_pixel)
+    texts = RecipeSettings(_name(output), parents, pixels, metres_per_pixel, minutes=60 * hours)
     with quiet_stdout():
         goals = _with_bands(_goals(words, output.parent), bands)
         with blame_options(pixels=pixels, metres_per_pixel=metres_per_pixel):
@@ -129,7 +151,7 @@ def new(
     _print_values(result.values, bounds)
     echo(
         f"{result.births} births of about {1000 * result.seconds:.0f} ms: "
-        f"{describe_duration(result.duration)} on {result.recipe.worker_count} cores"
+        f"{describe_forecast(result.duration)} on {result.recipe.worker_count} cores"
     )
     echo(f"wrote {output}")
     echo()
@@ -137,6 +159,23 @@ def new(
     command = f"evocity run {relative_path(str(output))}"
     echo(f"{first}, then:\n  {command}")
     echo(f"A short trial:\n  {command} --generations 5 --out runs/trial")
+
+
+def _check_hours(hours: float) -> None:
+    if 0 < hours <= _MOST_HOURS:  # False for NaN
+        return
+    if hours > _MOST_HOURS:
+        remedy = (
+            f"write --hours {_MOST_HOURS} or less; a run goes on for longer with "
+            "evocity resume RUN --generations N"
+        )
+    else:
+        remedy = "write --hours 0.5 for half an hour; or leave --hours out, for a night of 8 hours"
+    raise EvocityError(
+        f"--hours {hours:g} is not a length of a run",
+        f"a number of hours above 0, and at most {_MOST_HOURS} (a week)",
+        remedy,
+    )
 
 
 def _print_step(text: str) -> None:

@@ -30,9 +30,12 @@ from evocity.cli.shared.options import (
     output_option,
 )
 from evocity.cli.shared.scene_options import (
+    check_glb_options,
+    check_lod_node,
     check_outputs,
     check_tile,
     lod_option,
+    printing_options,
     roofs_option,
     say_tiles,
     streets_option,
@@ -60,8 +63,10 @@ _PLACED = (".city.json", ".gpkg", ".fgb", ".geoparquet")
   evocity scene lyon.parquet -o lyon.glb
   evocity scene runs/lyon-x-montpellier --id 97 -o bred.glb --angles square --storeys 3
   evocity scene lyon.parquet -o level.glb --zoom 0.5 --zoom 1 --zoom 2
+  evocity scene lyon.parquet -o walk.wrl --zoom 0.5 --zoom 1 --zoom 2 --lod-node
   evocity scene lyon-1er -o light.glb --lod 1.2
   evocity scene lyon-1er --streets --water rivers.gpkg -o wet.glb
+  evocity scene lyon-1er -o lyon-hills.city.json --relief ground.json
   evocity scene lyon-1er --tiles lyon-tiles --tile 128""")
 @click.argument("what", metavar="MAP|GENOME|RUN")
 @output_option(
@@ -98,6 +103,11 @@ _PLACED = (".city.json", ".gpkg", ".fgb", ".geoparquet")
     "Fractal zoom factor: values above 1 add detail, and values below 1 simplify the map. [1]",
     float,
 )
+@flag(
+    "--lod-node",
+    "In a .wrl or .x3d file, write several --zoom as levels of a node LOD: the finest level is "
+    "visible from nearby, and the coarsest from afar.",
+)
 @option(
     "--classes TOML",
     "TOML file with a table of building classes and their colours. [the seven of the papers]",
@@ -125,6 +135,12 @@ _PLACED = (".city.json", ".gpkg", ".fgb", ".geoparquet")
 @streets_option
 @water_option
 @option(
+    "--relief GROUND",
+    "Ground from `evocity surface fit`; in a .city.json file, buildings stand on this ground. "
+    "[flat ground]",
+    FILE,
+)
+@option(
     "--colours",
     "Meaning of the roof colours in a .png picture. [classes with --classes, else heights]",
     click.Choice(["heights", "classes"]),
@@ -149,8 +165,8 @@ _PLACED = (".city.json", ".gpkg", ".fgb", ".geoparquet")
 @json_option
 def scene(
     what: str, output: Path | None, tiles, tile, lod, triangles, identifier, at, detail, angles,
-    storeys, least_area, zoom, classes, library, atmosphere, seed, streets, water, roofs, merge,
-    instances, print_side, crs, reading, as_json, **drawn,
+    storeys, least_area, zoom, lod_node, classes, library, atmosphere, seed, streets, water, roofs,
+    merge, instances, print_side, relief, crs, reading, as_json, **drawn,
 ) -> None:  # fmt: skip
     """Write a map in three dimensions: solids with floors, walls and roofs, on the ground.
 
@@ -158,7 +174,8 @@ def scene(
     folder with --id. Walls are straight lines fitted to the pixels. With --angles square, the walls
     of a building follow one or two main directions. A building smaller than --least-area is merged
     with a neighbour, or removed if it has no neighbour. With several --zoom, the command writes one
-    file for each zoom factor, such as level-z0.5.glb and level-z1.glb for level.glb.
+    file for each zoom factor, such as level-z0.5.glb and level-z1.glb for level.glb. With
+    --lod-node, the command writes one .wrl or .x3d file with all zoom factors.
 
     With --tiles, the command writes a folder of tiles that meet exactly. A building belongs to one
     tile as a whole. Ground and streets are cut at the borders of tiles. Each tile has files of the
@@ -191,9 +208,23 @@ def scene(
     for source in filter(None, (what, classes, water, library and library / "objects.gpkg")):
         if output is not None:
             check_output(output, str(source))
+    if lod_node:
+        check_lod_node(output, suffix, zoom)
     level = level_of(lod, roofs) if triangles is None else ""  # which may choose a coarser level
     check_format(level, suffix, streets)
-    _check_glb_options(output, suffix, merge=merge, instances=instances)
+    check_glb_options(output, suffix, merge=merge, instances=instances)
+    check_needs("--relief", "-o", relief is not None and output is None)
+    if relief is not None:
+        from evocity.scene.relief import write_on_relief
+        from evocity.shapes import read_surface
+
+        if suffix != ".city.json" or streets or crs is not None or level == "0":
+            raise EvocityError(
+                "--relief cannot be used with --streets, --crs, --lod 0 or this output",
+                "an output file whose name ends in .city.json",
+                "leave --relief out, or write .city.json without these options",
+            )
+        ground = read_surface(str(relief))
     note_compiling()
     how = {"detail": detail, "squared": angles == "square", "storeys": storeys}
     how |= {"least_area": least_area, "streets": streets, "measures": _measures(what, identifier)}
@@ -220,8 +251,8 @@ def scene(
         drawn = {"colours": "classes"} | drawn
     if suffix == ".glb":
         drawn = {"merge": merge or None, "instances": instances}
-    drawn |= _print_options(output, print_side)
-    written = []
+    drawn |= printing_options(output, print_side)
+    written, levels = [], []
     place = {} if at is None else place_at(what, at)
     for path, city, genome in _levels(what, reading, identifier, zoom, output, tiles is not None):
         of_buildings = facts_of_buildings(city, genome)
@@ -240,17 +271,29 @@ def scene(
         facts = _facts(made, made.about_in(crs, suffix))
         if tiles is not None:  # first, because the folder may hold other tiles
             facts["tiles"] = write_scene_tiles(made, tiles, tile, crs=crs)
-        if output is not None:
-            made.write(path, crs=crs, **drawn)
+        levels.append(made)
+        if output is not None and not lod_node:
+            if relief is None:
+                made.write(path, crs=crs, **drawn)
+            else:
+                write_on_relief(made, ground, path)
             facts = {"file": str(path), "bytes": path.stat().st_size} | facts
         written.append(facts)
         if not as_json:
             echo(describe(city))
             echo(_summary(made))
-            if output is not None:
+            if output is not None and not lod_node:
                 echo(f"wrote {path}")
             if tiles is not None:
                 echo(say_tiles(facts["tiles"], tiles))
+    if lod_node:
+        from evocity.scene import write_levels
+
+        ranges = write_levels(levels[::-1], output, crs=crs)
+        if not as_json:
+            metres = ", ".join(f"{one:g}" for one in ranges)
+            echo(f"wrote {output}, {len(levels)} levels, coarser from {metres} m on")
+        written = [{"file": str(output), "ranges": list(ranges)} | one for one in written]
     if as_json:
         print_json({"scenes": written})
 
@@ -299,32 +342,6 @@ def _levels(
     for name, zoom in sorted(named.items(), key=lambda level: level[1]):
         path = output.with_name(f"{stem}-z{name}{suffix}") if len(named) > 1 else output
         yield path, decode_genome(genome, what, identifier, zoom), genome
-
-
-def _check_glb_options(output: Path | None, suffix: str, **given: bool) -> None:
-    """Raise `EvocityError` for options of .glb files with an ``output`` of another ``suffix``."""
-    name_of = output.name if output else "of --tiles"
-    if suffix != ".glb":
-        for name in (name for name, on in given.items() if on):
-            raise EvocityError(
-                f"--{name} cannot be used with the output {name_of}",
-                "an output file whose name ends in .glb",
-                f"leave --{name} out",
-            )
-
-
-def _print_options(output: Path | None, side: float | None) -> dict[str, float]:
-    """The options of a file for a printer. Raises `EvocityError` for a ``side`` of another file."""
-    if side is None:
-        return {}
-    name = output.name if output else "of --tiles"
-    if output is None or output.suffix.lower() not in (".stl", ".3mf"):
-        raise EvocityError(
-            f"--print-side cannot be used with the output {name}",
-            "an output file whose name ends in .stl or .3mf",
-            "leave --print-side out",
-        )
-    return {"side": side}
 
 
 def _measures(what: str, identifier: int | None) -> dict[str, float]:

@@ -31,6 +31,7 @@ _COUNTS = {
 @command("""
   evocity show lyon-1er -o lyon.png
   evocity show lyon-1er --plan -o plan.png
+  evocity show lyon-1er --density fsi --radius 100 -o fsi.tif
   evocity show runs/lyon-x-montpellier -o bred.png
   evocity show runs/lyon-x-montpellier --id 97 -o one.png
   evocity show runs/lyon-x-montpellier --id 97 --id 12 --id 40 -o sheet.png
@@ -46,13 +47,34 @@ _COUNTS = {
 @count_option
 @flag("--ancestry", "Draw the source city of each pixel in the map of a genome.")
 @option(
+    "--density",
+    "Draw the local density of a map, GSI or FSI around each pixel. [none]",
+    click.Choice(["gsi", "fsi"]),
+)
+@option(
+    "--radius M",
+    "Radius in which --density counts, metres. [100]",
+    click.FloatRange(0, min_open=True),
+)
+@option(
     "--depth",
     "Number of domain blocks that --ancestry follows back from each range block. [without limit]",
     int,
 )
 @map_options
 def show(
-    what: str, output: Path, identifiers, plan, leaves, usage, count, ancestry, depth, reading
+    what: str,
+    output: Path,
+    identifiers,
+    plan,
+    leaves,
+    usage,
+    count,
+    ancestry,
+    density,
+    radius,
+    depth,
+    reading,
 ) -> None:
     """Draw a picture of a map, of a decoded genome, or of the best individuals of a run.
 
@@ -60,7 +82,10 @@ def show(
     sources. For a run folder, the picture shows the parents and the best individuals of the last
     generation side by side. With --id, the picture shows one individual, or several individuals
     with their scores. For a run with the algorithm map_elites, the picture shows the archive grid,
-    with the best map in each filled cell.
+    with the best map in each filled cell; the grid needs the extra notebook.
+
+    With --density, the picture shows GSI or FSI of the ground around each pixel. The output may
+    also be a GeoTIFF (.tif) or an array (.npy).
 
     With --plan, the picture shows the areas between the streets, and the lots of buildings in these
     areas. A cross in each area between streets shows the directions of the walls in this area.
@@ -70,13 +95,16 @@ def show(
     pixel.
     """
     flags = {"--plan": plan, "--leaves": leaves, "--usage": usage, "--ancestry": ancestry}
+    flags["--density"] = density
     parts = [name for name, given in flags.items() if given]
-    _check_options(parts, count, depth)
-    check_output(output, what, {".png"})
+    _check_options(parts, count, depth, radius)
+    check_output(output, what, {".png", ".tif", ".npy"} if density else {".png"})
     several = len(identifiers) > 1 and not parts
     identifier = None if several else one_id(identifiers)
     if plan:
         _show_plan(city_of(what, reading, identifier), output)
+    elif density:
+        _show_density(city_of(what, reading, identifier), density, radius or 100.0, output)
     elif parts:
         refuse_reading(parts[0], reading)
         genome = fabric_in(genome_of(what, identifier), what)
@@ -96,12 +124,15 @@ def show(
     echo(f"wrote {output}")
 
 
-def _check_options(parts: list[str], count: str | None, depth: int | None) -> None:
+def _check_options(
+    parts: list[str], count: str | None, depth: int | None, radius: float | None
+) -> None:
     if len(parts) > 1:
         raise EvocityError(
             " and ".join(parts), "one of these options", "make one picture after the other"
         )
     check_needs("--count", "--usage", count is not None and "--usage" not in parts)
+    check_needs("--radius", "--density", radius is not None and "--density" not in parts)
     check_needs("--depth", "--ancestry", depth is not None and "--ancestry" not in parts)
 
 
@@ -116,6 +147,19 @@ def _show_plan(city, output: Path) -> None:
     angles = np.where(plan.open, np.nan, plan.angle)
     write_faces(Faces(city, plan.labels, plan.lots, plan.centre, angles), output)
     echo(f"{len(plan)} faces between streets, {np.count_nonzero(plan.open)} of them open")
+
+
+def _show_density(city, density: str, radius: float, output: Path) -> None:
+    import numpy as np
+
+    from evocity.io import write_field
+    from evocity.pictures import Field
+
+    values = getattr(city.local_density(radius), density)
+    title = f"{density.upper()} within {radius:g} m"
+    write_field(Field(city, values.astype("float32"), title, density.upper()), output)
+    low, high = np.nanmin(values), np.nanmax(values)
+    echo(f"{title}: {low:.3g} to {high:.3g}, mean {np.nanmean(values):.3g}")
 
 
 def _show_leaves(genome, city, output: Path) -> None:
@@ -139,7 +183,7 @@ def _show_usage(genome, city, count: str, output: Path) -> None:
     echo(
         f"{len(calls.domain_calls)} domain blocks serve {calling} of {len(genome)} lifs; "
         f"the most called serves {calls.domain_calls.max(initial=0)}; "
-        f"a pixel has up to {calls.pixels.max()} calls, and {never:.0%} have none"
+        f"a pixel has up to {calls.pixels.max()} calls, and {100 * never:.0f} % have none"
     )
 
 
@@ -156,7 +200,7 @@ def _show_ancestry(genome, source: str, identifier, depth: int | None, output: P
     parts = tuple(VOID_LABEL if name == VOID else name for name in genome.cities)
     write_shares(Shares(city, weights, parts, title), output)
     shares = zip(genome.cities, weights.mean(axis=(0, 1), dtype=float), strict=True)
-    echo(", ".join(f"{name} {share:.1%}" for name, share in shares if share > 0))
+    echo(", ".join(f"{name} {100 * share:.1f} %" for name, share in shares if share > 0))
 
 
 def _show_run(folder: str, output: Path, reading) -> None:

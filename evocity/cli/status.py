@@ -53,7 +53,9 @@ def status(run: str, as_json: bool) -> None:
     whose results changed when the run replayed these births. The key "kept" lists the individuals
     that `evocity keep` names, each with the keys "id" and "built" (the shares of its buildings).
     The key "damaged" lists files of the log that are damaged or missing. The key "unreachable"
-    lists sentences about targets and bounds that no birth has reached. Unknown values are null.
+    lists sentences about targets and bounds that no birth has reached. The key "more_births"
+    forecasts the gain of as many births again, by the slope of the hypervolume. Unknown values are
+    null.
     """
     from evocity.store.lock import is_held
 
@@ -65,6 +67,7 @@ def status(run: str, as_json: bool) -> None:
     from evocity.analysis.failed_births import differing, differing_told, failures
     from evocity.analysis.goals import aims_of, figure_texts, planned_generations
     from evocity.analysis.outlook import seconds_left, unreachable
+    from evocity.analysis.slope import more_births
     from evocity.store.events import KILLED, was_killed
 
     left = seconds_left(opened) if running else None
@@ -80,11 +83,12 @@ def status(run: str, as_json: bool) -> None:
     whole = state["generation"] is not None
     parents = _parents(opened, best) if whole else {}
     steering = _steering(opened, state["generation"])
-    missed = unreachable(opened) if whole else []
+    missed, slope = (unreachable(opened), more_births(opened)) if whole else ([], "")
     if as_json:
         more = {"parents": parents, "running": running, "seconds_left": left, "front": front}
         more |= steering | {"evaluation": _engine(opened), "differs": differing(opened)}
         more |= {"damaged": _damaged(opened, held), "unreachable": missed}
+        more |= {"more_births": slope}
         more |= {"kept": [{"id": c.individual.id, "built": c.built} for c in _kept(opened, state)]}
         print_json(state | {"best": best} | more)
         return
@@ -105,6 +109,7 @@ def status(run: str, as_json: bool) -> None:
         *(row for aim in sought for row in _goal(aim, best[aim.name], parents)),
         *([("constraints", _bounds(opened))] if whole and any(a.bounds for a in aims) else []),
         *(("out of reach", text) for text in missed),
+        *([("more births", slope)] if slope else []),
         *([("front", _ids(front, run))] if whole else []),
         *_kept_rows(_kept(opened, state)),
         *_steering_rows(steering, run),
@@ -239,7 +244,7 @@ def _steering_rows(steering: dict, run: str) -> list[tuple[str, str]]:
     rows = []
     if steering["picked"]:
         share = steering["picks_share"]
-        of = f", first parents of {share:.0%} of the births" if share else ""
+        of = f", first parents of {100 * share:.0f} % of the births" if share else ""
         rows.append(("picked", _ids(steering["picked"], run) + of))
     if steering["weights"]:
         rows.append(("weights", ", ".join(f"{k} {w:g}" for k, w in steering["weights"].items())))

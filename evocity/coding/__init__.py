@@ -2,7 +2,7 @@
 
 - `encode`, `partition`, `matching`, `topology`, `parameters`: from a map to a genome
 - `source_roofs`: shapes of roofs, and the meaning of heights, that a map passes to its genome
-- `decode`, `decoding_cache`, `fixed_point`, `zoom`: from a genome to a map
+- `decode`, `collage_map`, `decoding_cache`, `fixed_point`, `zoom`: from a genome to a map
 - `fit`, `optimiser`: σ and β that bring the attractor closest to the map
 - `ancestry`, `autosimilarity`, `usage`: analyses of codes
 """
@@ -14,7 +14,8 @@ from evocity.coding.autosimilarity import (
     autosimilarity_maps,
     free_block_maps,
 )
-from evocity.coding.decode import CollageMap, Decoding, decode
+from evocity.coding.collage_map import CollageMap
+from evocity.coding.decode import Decoding, decode
 from evocity.coding.decoding_cache import decoded
 from evocity.coding.encode import Encoding, encode
 from evocity.coding.fit import fit_attractor, psnr

@@ -141,6 +141,103 @@ def moved(before, after, tolerance, sky):
 
 
 @kernel
+def lay_bare(bare, top, left, side, beta, target):
+    """Lay the range blocks of the lifs ``bare``, which have no domain block, on ``target`` (H, W)
+    at their heights ``beta``."""
+    for k in range(bare.size):
+        i = bare[k]
+        for a in range(top[i], top[i] + side[i]):
+            for b in range(left[i], left[i] + side[i]):
+                target[a, b] = beta[i]
+
+
+@kernel
+def iterate(
+    before, values, kinds, rare, layers, walk, slopes, offsets, bare, top, left, side, beta,
+    covered, kept, tolerance, sky, most,
+):  # fmt: skip
+    """Apply the collage map W again and again, from ``values`` on, until no pixel moves by more
+    than ``tolerance``, one moves by ``sky`` or more, or ``most`` steps are made.
+
+    ``values`` and ``before`` are maps (H, W), both overwritten. kinds : extents of the ``layers``.
+    rare : int32 ``(7, r)``, arguments of `shrink_blocks` for the last layer. walk, slopes, offsets
+    : as of `lay_blocks`. bare, top, left, side, beta : as of `lay_bare`. covered, kept : flat
+    numbers of pixels that keep the heights ``kept``.
+
+    Returns the number of steps, whether the last one converged and whether it diverged. After an
+    odd number of steps ``before`` has the last map.
+    """
+    columns, steps = values.shape[1], 0
+    flat = layers.ravel()
+    some, wild = np.int32(values.size), np.int32(0)
+    while some > 0 and wild == 0 and steps < most:
+        before, values = values, before
+        for k in range(kinds.shape[0]):
+            box_means(before, kinds[k, 0], kinds[k, 1], layers[k])
+        if rare.shape[1] > 0:
+            shrink_blocks(
+                before, rare[0], rare[1], rare[2], rare[3], rare[4], rare[5], rare[6],
+                layers[layers.shape[0] - 1],
+            )  # fmt: skip
+        if steps < 2:
+            lay_bare(bare, top, left, side, beta, values)
+        target = values.ravel()
+        lay_blocks(flat, walk, slopes, offsets, columns, target)
+        for k in range(covered.size):
+            target[covered[k]] = kept[k]
+        steps += 1
+        some, wild = moved(before.ravel(), target, tolerance, sky)
+    return steps, some == 0, wild > 0
+
+
+@kernel
+def order_walks(
+    dy, dx, y, x, iso, side, top, left, least, rows, columns, affine,
+    tall, wide, layer, which, bare, rare, walk,
+):  # fmt: skip
+    """Prepare W of n lifs without a zoom. tall, wide and layer : as of `shared_extents`, for at
+    least ``least`` lifs; the layer after all these has the domain blocks of rare extents, which are
+    the columns of ``rare``, int32 ``(7, n)`` (see `shrink_blocks`). which : the lifs with a domain
+    block, range blocks of one side behind one another, with their ``walk`` (see `walks`); bare :
+    the others. Returns the extents, and the numbers of rare ones and of lifs with a domain
+    block."""
+    kinds = shared_extents(dy, dx, side, least, tall, wide, layer)
+    last, few, flat = kinds.shape[0], 0, 0
+    coarsest = np.int64(0)
+    for i in range(side.size):
+        coarsest = max(coarsest, np.int64(side[i]))
+    starts = np.zeros(coarsest + 2, np.int64)
+    for i in range(side.size):
+        if dx[i] == 0:
+            bare[flat] = i
+            flat += 1
+        else:
+            starts[side[i] + 1] += 1
+    for s in range(coarsest + 1):
+        starts[s + 1] += starts[s]
+    count = starts[coarsest + 1]
+    for i in range(side.size):
+        if dx[i] == 0:
+            continue
+        k = starts[side[i]]
+        starts[side[i]] += 1
+        which[k] = i
+        t, number, down, along = affine[iso[i]], np.int64(layer[i]), np.int64(y[i]), np.int64(x[i])
+        one, two = np.int64(tall[i]) * columns, np.int64(wide[i])
+        if number < 0:  # a rare extent: its domain block shrinks to the range block's place
+            rare[0, few], rare[1, few], rare[2, few], rare[3, few] = top[i], left[i], down, along
+            rare[4, few], rare[5, few], rare[6, few] = tall[i], wide[i], side[i]
+            few += 1
+            number, down, along = last, np.int64(top[i]), np.int64(left[i])
+            one, two = np.int64(columns), np.int64(1)
+        first = (number * rows + down) * columns + along
+        walk[k, 0], walk[k, 1] = np.int64(top[i]) * columns + left[i], side[i]
+        walk[k, 2] = first + (one * t[0] + two * t[1]) * (side[i] - 1)
+        walk[k, 3], walk[k, 4] = one * t[2] + two * t[3], one * t[4] + two * t[5]
+    return kinds, few, count
+
+
+@kernel
 def scatter(values, pixels, places, sigma, layers):
     """Apply the adjoint of `lay_blocks` without β: add the flat ``values`` at the ``pixels``,
     rising, times σ, to the ``places`` of their sources in the flat ``layers``, which are

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from evocity.coding.decode import CollageMap
+from evocity.coding.collage_map import CollageMap
 from evocity.coding.zoom import area_means, legal_zoom
 from evocity.errors import GenomeError, check_number, keyword
 from evocity.genome import Genome

@@ -9,7 +9,8 @@ from numbers import Real
 import numpy as np
 
 from evocity.citymap import CityMap
-from evocity.coding.decode import CollageMap, decode
+from evocity.coding.collage_map import CollageMap
+from evocity.coding.decode import decode
 from evocity.coding.fit import fit_attractor, psnr
 from evocity.coding.matching.residual import Work
 from evocity.coding.parameters import Coding, check_encoding

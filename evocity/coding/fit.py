@@ -9,7 +9,8 @@ from collections.abc import Callable
 import numpy as np
 
 from evocity.citymap import CityMap, same_grid
-from evocity.coding.decode import CollageMap, decode
+from evocity.coding.collage_map import CollageMap
+from evocity.coding.decode import decode
 from evocity.coding.fixed_point import fixed_point
 from evocity.coding.optimiser import minimise
 from evocity.errors import GenomeError

@@ -5,7 +5,8 @@
   worker as the main process sees it; `worker_start`, `fork_server`: starting and ending workers
 - `worker`: what runs inside a worker process; `process_state`, `floating_point`, `output`: undoing
   what a measure did to it; `canary`: noticing what it did besides
-- `frames`: messages to a worker; `answers`, `array_frames`, `genome_document`: messages from it
+- `frames`: messages to a worker; `kept_genomes`: genomes that it keeps; `answers`,
+  `array_frames`, `genome_document`: messages from it
 - `linux_processes`: processes and memory on Linux
 - `evaluator`: breeding, checks and evaluation of one individual
 - `compilation`, `kernel_warmup`: compiling and loading kernels before the first job

@@ -16,9 +16,12 @@ class Engine(ABC):
     """Carries out jobs; outcomes depend neither on the kind of engine nor on its size.
 
     notes : sentences for the user, on what the engine cannot promise.
+    is_prompt : whether each outcome comes as soon as it can, because a person waits for it;
+        otherwise some outcomes may wait for others.
     """
 
     notes: Sequence[str] = ()
+    is_prompt = False
 
     @property
     @abstractmethod

@@ -25,6 +25,8 @@ from evocity.store.schema import plain
 
 #: The longest error text in the log.
 MOST_LETTERS = 2000
+# The measure that counts locked pixels in older runs.
+_SHARE = fitness.smallest_share.name
 # The rest of a longer text is ignored.
 _ENOUGH = 10 * MOST_LETTERS
 #: The beginning of the text in which a successful birth names its measures without a value.
@@ -206,6 +208,8 @@ class Evaluator:
     ) -> float:
         measure, part = self.measures[name], self.within.get(name, part)
         if part is None:
+            if own_name(name) == _SHARE and self.header.locked and self.header.shares == "all":
+                extras = {**extras, "genome": extras["genome"].replace(condensation=None)}
             return measure(expressed.of(measure.of), **extras)
         if measure.of != "city":
             raise FitnessError(

@@ -12,7 +12,8 @@ from typing import Any
 
 from evocity.evaluation.engine import Jobs
 from evocity.evaluation.evaluator import Outcome
-from evocity.evaluation.frames import write_frame
+from evocity.evaluation.frames import LENGTH, write_frame
+from evocity.evaluation.kept_genomes import GenomeTokens
 from evocity.evaluation.worker_seat import Seat
 
 # Jobs that wait for each worker: its next one, and some to choose from.
@@ -27,15 +28,17 @@ _CAUSE = (
 
 
 class JobTable:
-    """The ``jobs`` of a stream, which ``method`` carries out, by their numbers.
+    """The ``jobs`` of a stream, which ``method`` carries out, by their numbers. ``tokens``:
+    those of the pool's genomes.
 
     ``waiting``: numbers of jobs without a worker. ``suspects``: those that run one at a time,
     because one of them may kill the starter of workers. ``outcomes``: those to be yielded.
     ``strikes``: how often a job's worker was lost.
     """
 
-    def __init__(self, method: str, jobs: Jobs):
+    def __init__(self, method: str, jobs: Jobs, tokens: GenomeTokens | None = None):
         self.method, self._coming = method, jobs
+        self._tokens = tokens or GenomeTokens()
         self._drawn, self._ended = 0, False
         self._jobs: dict[int, tuple | bytes] = {}  # those without an outcome
         self.outcomes: dict[int, Outcome] = {}
@@ -61,11 +64,12 @@ class JobTable:
             raise RuntimeError("no job is given while no job is at work")
         return bool(self._jobs)
 
-    def write(self, number: int) -> bytes:
-        """Return a job as a message to a worker. Raises the errors of pickling."""
+    def write(self, number: int, seat: Seat) -> bytes:
+        """Return a job as a message to the worker of a seat. Raises the errors of pickling."""
         job = self._jobs[number]
-        job = job if isinstance(job, bytes) else bytes(write_frame(job))
-        return write_frame((number, self.method, job))
+        if isinstance(job, bytes):
+            return write_frame((number, self.method, job[LENGTH.size :], (), ()))
+        return write_frame((number, self.method, *seat.genomes.write(job, self._tokens)))
 
     def requeue(self, numbers: Iterable[int]) -> None:
         """Let these jobs wait again, before the others."""

@@ -75,9 +75,10 @@ def _load(block: int | tuple[int, int], part: str) -> None:
                 getattr(_toy(1, block), view)
         elif part == SELECTION:
             from evocity.selection.backends.moocore import least_first
-            from evocity.selection.thumbprints import distinct_first
+            from evocity.selection.thumbprints import differences, distinct_first
 
             distinct_first(np.zeros((2, 4), np.uint16), 0.25, 1)
+            differences(np.zeros((2, 4), np.uint16))
             least_first(np.eye(2), np.full(2, 1.1), 1)
         elif kind == "operator":
             operator = OPERATORS[name]

@@ -28,7 +28,8 @@ from evocity.evaluation.answers import (
 )
 from evocity.evaluation.canary import Canary
 from evocity.evaluation.evaluator import Evaluator, Outcome, Setup, describe_failure
-from evocity.evaluation.frames import CHECK, receive, unpickle
+from evocity.evaluation.frames import CHECK, receive
+from evocity.evaluation.kept_genomes import KeptGenomes
 from evocity.evaluation.kernel_warmup import warm_up
 from evocity.evaluation.output import Budget, stream
 from evocity.evaluation.process_state import ProcessState, move_descriptor
@@ -73,13 +74,16 @@ def _serve(served: socket.socket) -> None:
         state, limit = ProcessState(), Limit(memory)
         found = (canary.expected, canary.seconds) if canary else ("", 0.0)
         served.sendall(write_ready(Ready(linux_processes.resident_memory(me), *found)))
+        genomes = KeptGenomes()
         while True:
-            number, method, arguments = receive(served)
+            number, method, arguments, new, gone = receive(served)
             if method == CHECK:
                 served.sendall(write_checked(Checked(canary.digest() if canary else "")))
                 continue
             budget.renew()
-            outcome = _carry_out(evaluator, limit, method, arguments)
+            genomes.keep(new)
+            outcome = _carry_out(evaluator, limit, method, arguments, genomes)
+            genomes.drop(gone)
             outcome = _restore_folders(outcome, setup.moved)
             if os.getpid() != me:  # a copy that a measure forked must not answer
                 os._exit(0)
@@ -140,13 +144,17 @@ def _make_canary(evaluator: Evaluator | Outcome, setup: Setup) -> Canary | None:
 
 
 def _carry_out(
-    evaluator: Evaluator | Outcome, limit: "Limit", method: str, arguments: bytes
+    evaluator: Evaluator | Outcome,
+    limit: "Limit",
+    method: str,
+    arguments: bytes,
+    genomes: KeptGenomes,
 ) -> Outcome:
     if isinstance(evaluator, Outcome):
         return evaluator
     try:
         with limit:
-            outcome = getattr(evaluator, method)(*unpickle(memoryview(arguments)[8:]))
+            outcome = getattr(evaluator, method)(*genomes.unpickle(arguments))
     except BaseException as error:
         status = "memory" if isinstance(error, MemoryError) else "error"
         outcome = Outcome(status, describe_failure(error))

@@ -15,6 +15,7 @@ from evocity.evaluation.engine import Engine, Jobs
 from evocity.evaluation.evaluator import Outcome, Setup
 from evocity.evaluation.frames import CHECK, write_frame
 from evocity.evaluation.job_table import JobTable
+from evocity.evaluation.kept_genomes import GenomeTokens
 from evocity.evaluation.output import show
 from evocity.evaluation.process_state import require_open_files
 from evocity.evaluation.worker_seat import Seat, SeatSelector
@@ -35,8 +36,9 @@ _LOOK, _FLOODED, _ASK = 0.5, 0.02, 0.05
 #: The least seconds without processor time that count as a standstill of this process; the most
 #: seconds between two checks of the clock while a job has its deadline.
 _LATE, _BEAT = 0.2, 0.1
-# Seconds of a job so short that waiting for the next one would matter.
-_SHORT = 0.05
+# Seconds of a job so short that waiting for the next one would matter: this process takes some
+# milliseconds for an answer and the next job.
+_SHORT = 0.25
 # Exit codes that a measure hardly causes by itself: such a birth is done again, once.
 _FROM_OUTSIDE = tuple(
     -getattr(signal, name) for name in ("SIGKILL", "SIGTERM") if hasattr(signal, name)
@@ -74,7 +76,7 @@ class Workers(Engine):
         self._cancelled = False
         self._starter: NurseryStarter | SpawnStarter | None = None
         self._seats: dict[int, Seat] = {}
-        self._tokens = self._failed_starts = self._breaks = 0
+        self._started = self._failed_starts = self._breaks = 0
         self._looked = 0.0
         self._seconds = 1.0  # of a job, roughly
         self._canary = ""  # the digest of the first worker's
@@ -82,6 +84,7 @@ class Workers(Engine):
         self._bell, self._heard = socket.socketpair()
         self._bell.setblocking(False)
         self._selector.register(self._heard, selectors.EVENT_READ)
+        self._genomes = GenomeTokens()
         self._jobs = JobTable("", iter(()))
 
     @property
@@ -95,7 +98,7 @@ class Workers(Engine):
     def stream(self, method: str, jobs: Jobs) -> Iterator[tuple[int, Outcome]]:
         """As `Engine.stream`. A stream that is closed before its end ends its workers. Raises
         `Cancelled` after `cancel`."""
-        self._jobs = JobTable(method, jobs)
+        self._jobs = JobTable(method, jobs, self._genomes)
         self._stepped = time.monotonic(), time.thread_time()
         try:
             while self._jobs.draw(self._count):
@@ -163,13 +166,14 @@ class Workers(Engine):
                 continue
             waiting = jobs.suspects or jobs.waiting
             stays = not waiting or (jobs.suspects and busy)
-            if seat.held and (stays or seat.needs_check or jobs.isolates(seat, waiting[0])):
+            due = stays or self.is_prompt or seat.needs_check or jobs.isolates(seat, waiting[0])
+            if seat.held and due:
                 busy = True
                 self._check(seat)
             elif not stays and self._send(seat, number := waiting.popleft()):
                 busy, seat.job = True, number
                 seat.enter("busy", self._clock())
-        if self._seconds > _SHORT or jobs.suspects:
+        if self._seconds > _SHORT or jobs.suspects or self.is_prompt:
             return
         # a worker gets its next short job in advance
         for seat in self._seats.values():
@@ -182,14 +186,14 @@ class Workers(Engine):
 
     def _check(self, seat: Seat) -> None:
         """Ask a worker for its canary."""
-        seat.send(write_frame((-1, CHECK, b"")))
+        seat.send(write_frame((-1, CHECK, b"", (), ())))
         seat.enter("checking", self._clock())
         self._selector.watch(seat)
 
     def _send(self, seat: Seat, number: int) -> bool:
         """Send a job to a worker. Returns whether it could be pickled."""
         try:
-            message = self._jobs.write(number)
+            message = self._jobs.write(number, seat)
         except Exception as error:
             self._jobs.settle(number, Outcome("error", f"{type(error).__name__}: {error}"))
             return False
@@ -289,8 +293,8 @@ class Workers(Engine):
             inherits = self._starter.inherits
             self._first = first_messages(inherits, self._setup, self._memory, self._main)
         while len(self._seats) < self._count:
-            self._tokens += 1
-            seat = Seat(self._tokens, self._clock(), prints=not self._starter.inherits)
+            self._started += 1
+            seat = Seat(self._started, self._clock(), prints=not self._starter.inherits)
             self._seats[seat.token] = seat
             self._starter.start(seat.token, seat.theirs, seat.output)
             seat.close_worker_ends()

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from evocity.evaluation.answers import Answer, Checked, Ready, read_answer
 from evocity.evaluation.evaluator import Outcome
 from evocity.evaluation.frames import LENGTH, MOST_BYTES
+from evocity.evaluation.kept_genomes import GenomesOfWorker
 from evocity.evaluation.output import Drain
 
 _AT_ONCE = 1 << 20
@@ -23,8 +24,9 @@ class Seat:
     evaluates its canary, "ending" or "gone", ``since`` a time of the pool's clock. ``job``,
     ``next``: the numbers of its job and of the following one, or None. ``held``: numbers and
     outcomes since its last good canary. ``canary``: the canary's digest at the start, or "".
-    ``resident``: bytes of memory before its first job. ``hung_up``: whether its connection ended,
-    ``closed`` when. ``output``: the write end of its output's pipe.
+    ``genomes``: those that the worker keeps. ``resident``: bytes of memory before its first job.
+    ``hung_up``: whether its connection ended, ``closed`` when. ``output``: the write end of its
+    output's pipe.
     """
 
     def __init__(self, token: int, now: float, prints: bool):
@@ -34,6 +36,7 @@ class Seat:
         self.next: int | None = None
         self.resident = 0
         self.canary, self._canary_seconds = "", 0.0
+        self.genomes = GenomesOfWorker()
         self.held: list[tuple[int, Outcome]] = []
         self._held_seconds = 0.0
         self.handle, self.theirs = socket.socketpair()

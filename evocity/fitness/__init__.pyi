@@ -14,6 +14,7 @@ from .curves import shape_dimension as shape_dimension
 from .curves import simplicity as simplicity
 from .curves import sinuosity as sinuosity
 from .cuts import integrity_along_fronts as integrity_along_fronts
+from .density import WantedDensity as WantedDensity
 from .density import fsi as fsi
 from .density import gsi as gsi
 from .density import mean_height as mean_height

@@ -558,3 +558,49 @@ def shorten_ways(first, last, length, distance):
             if distance[other] + length[k] < distance[one]:
                 distance[one] = distance[other] + length[k]
                 changed = True
+
+
+@kernel
+def fit_places(number, row, column, turns, reach, places, slopes):
+    """Fit a plane through the places of origin around each pixel of a map.
+
+    ``number`` (h, w) has the city of each pixel, −1 for none; ``row`` and ``column`` (h, w) its
+    place; ``turns`` (4, h, w) its isometry, as columns 2 to 5 of `AFFINE`. Pixels of the same city
+    within ``reach`` count if their places suit the isometry, turned by at most an eighth. The
+    fitted place goes to ``places`` (2, h, w), its steps down and along to ``slopes`` (4, h, w).
+    """
+    height, width = number.shape
+    for y in range(height):
+        for x in range(width):
+            if number[y, x] < 0:
+                continue
+            down, along = turns[:2, y, x], turns[2:, y, x]
+            n = sy = sx = syy = sxx = sxy = 0.0
+            sr = sc = syr = sxr = syc = sxc = 0.0
+            for yy in range(max(y - reach, 0), min(y + reach + 1, height)):
+                for xx in range(max(x - reach, 0), min(x + reach + 1, width)):
+                    if number[yy, xx] != number[y, x]:
+                        continue
+                    dy, dx = float(yy - y), float(xx - x)
+                    r, c = row[yy, xx] - row[y, x], column[yy, xx] - column[y, x]
+                    far = np.hypot(dy, dx)
+                    aside = np.hypot(
+                        r - down[0] * dy - along[0] * dx, c - down[1] * dy - along[1] * dx
+                    )
+                    if abs(np.hypot(r, c) - far) > 0.25 * far + 1.5 or aside > 0.8 * far + 1.5:
+                        continue
+                    n, sy, sx, sr, sc = n + 1, sy + dy, sx + dx, sr + r, sc + c
+                    syy, sxx, sxy = syy + dy * dy, sxx + dx * dx, sxy + dx * dy
+                    syr, sxr, syc, sxc = syr + dy * r, sxr + dx * r, syc + dy * c, sxc + dx * c
+            a, b, e = syy - sy * sy / n, sxx - sx * sx / n, sxy - sx * sy / n
+            det = a * b - e * e
+            places[0, y, x], places[1, y, x] = row[y, x], column[y, x]
+            slopes[:, y, x] = turns[:, y, x]
+            if n < 9 or det < 1e-6 * n * n:
+                continue
+            pr, qr = syr - sy * sr / n, sxr - sx * sr / n
+            pc, qc = syc - sy * sc / n, sxc - sx * sc / n
+            slopes[0, y, x], slopes[1, y, x] = (pr * b - qr * e) / det, (pc * b - qc * e) / det
+            slopes[2, y, x], slopes[3, y, x] = (qr * a - pr * e) / det, (qc * a - pc * e) / det
+            places[0, y, x] += (sr - slopes[0, y, x] * sy - slopes[2, y, x] * sx) / n
+            places[1, y, x] += (sc - slopes[1, y, x] * sy - slopes[3, y, x] * sx) / n

@@ -215,7 +215,7 @@ def _declare_picture(stem: str, content: bytes) -> None:
     """Declare the measure ``stem_distance`` of a picture in PNG: pixels darker than half are the
     target."""
     name = name_of_file(stem, ".png", "target")
-    dark = _read_dark(content, name)
+    dark = read_dark(content, name)
     known: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
     def distance(shape) -> float:
@@ -236,7 +236,8 @@ def _declare_picture(stem: str, content: bytes) -> None:
     fitness(goal="min", range=(0, 2), of="shape")(distance)
 
 
-def _read_dark(content: bytes, name: str) -> np.ndarray:
+def read_dark(content: bytes, name: str) -> np.ndarray:
+    """Read the pixels of a PNG file that are darker than mid-grey, bool ``(H, W)``."""
     from PIL import Image
 
     try:

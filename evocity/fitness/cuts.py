@@ -6,7 +6,8 @@ import numpy as np
 import scipy
 
 from evocity.citymap import CityMap
-from evocity.fitness.copies import places_of_origin
+from evocity.fitness import _kernels
+from evocity.fitness.copies import Origins, places_of_origin
 from evocity.fitness.heredity import source_maps
 from evocity.fitness.measure import Undefined
 from evocity.fitness.registry import fitness
@@ -14,8 +15,12 @@ from evocity.genome import Genome
 
 #: Pixels by which a building must go on beyond its last pixel: less is the raster of a turned wall.
 BEYOND = 3
+#: Pixels around a pixel whose places of origin give its own: codes of turned walls are off by two.
+AROUND = 4
 #: Metres behind the walls of a street in which ground still belongs to the street.
 BEHIND = 3.0
+# Pixels beside a pixel, the nearest first.
+_BESIDE = ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1))
 #: Largest share of the outline of a building that may be cut away from fronts.
 LOOSE = 0.05
 
@@ -29,7 +34,9 @@ def integrity_along_fronts(city: CityMap, genome: Genome, sources: Sequence[City
     any angle and cut along the street.
 
     The genome gives the source city and the place of origin of each pixel, as for `repetition`. A
-    piece is connected built ground whose places of origin lie in one building of a source city. A
+    range block has one of eight isometries, so places of turned buildings are up to two pixels off.
+    A plane through the places of origin around each pixel gives the exact place and the true turn.
+    A piece is connected built ground whose places of origin lie in one building of a source city. A
     pixel of a piece is cut in a direction if the building continues for 3 px or more in this
     direction in its source city, but not on the map. The directions are the four directions of the
     raster. A cut lies along a front if a street begins at the cut. The ground of a street is open
@@ -68,6 +75,7 @@ def cut_pieces(
     graph is there.
     """
     places = places_of_origin(city, genome)
+    row, column, slopes = _fitted(places, city.shape)
     maps = source_maps(genome, sources)
     names = {name: k for k, name in enumerate(dict.fromkeys(genome.cities))}
     owner = np.zeros(city.shape, np.int64)
@@ -78,8 +86,8 @@ def cut_pieces(
             continue
         tables[number] = source.building_labels, first
         mine = places.number == number
-        owner[places.rows[mine], places.columns[mine]] = _buildings_at(
-            tables[number], places.row[mine], places.column[mine]
+        owner[places.rows[mine], places.columns[mine]] = _nearest_building(
+            tables[number], row[mine], column[mine]
         )
         first += int(source.building_labels.max(initial=0))
     pieces, count = _label(owner)
@@ -90,8 +98,8 @@ def cut_pieces(
     for down, along in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         beyond = np.zeros(here.size, np.int64)
         there = (
-            places.row + BEYOND * (places.a[2] * down + places.a[4] * along),
-            places.column + BEYOND * (places.a[3] * down + places.a[5] * along),
+            row + BEYOND * (slopes[0] * down + slopes[2] * along),
+            column + BEYOND * (slopes[1] * down + slopes[3] * along),
         )
         for number, table in tables.items():
             mine = places.number == number
@@ -111,9 +119,36 @@ def cut_pieces(
     return pieces, counts, loose
 
 
+def _fitted(places: Origins, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Fit the places of origin of ``n`` pixels to those around them: rows and columns ``(n,)``, and
+    the steps of both for a pixel down and a pixel along, ``(4, n)``."""
+    here = places.rows, places.columns
+    number = np.full(shape, -1, np.int64)
+    row, column = np.zeros(shape), np.zeros(shape)
+    turns = np.zeros((4, *shape))
+    number[here], row[here], column[here] = places.number, places.row, places.column
+    turns[:, *here] = places.a[2:]
+    fitted, slopes = np.zeros((2, *shape)), np.zeros((4, *shape))
+    _kernels.fit_places(number, row, column, turns, AROUND, fitted, slopes)
+    return fitted[0][here], fitted[1][here], slopes[:, *here]
+
+
+def _nearest_building(
+    table: tuple[np.ndarray, int], row: np.ndarray, column: np.ndarray
+) -> np.ndarray:
+    """Return the buildings at places of a city as `_buildings_at`; for ground beside a building,
+    this building."""
+    found = _buildings_at(table, row, column)
+    for down, along in _BESIDE:
+        ground = found == 0
+        found[ground] = _buildings_at(table, row[ground] + down, column[ground] + along)
+    return found
+
+
 def _buildings_at(table: tuple[np.ndarray, int], row: np.ndarray, column: np.ndarray) -> np.ndarray:
     """Return the buildings at places of a city, numbered from ``first``; 0 for none."""
     labels, first = table
+    row, column = (np.rint(one).astype(np.int64) for one in (row, column))
     inside = (row >= 0) & (row < labels.shape[0]) & (column >= 0) & (column < labels.shape[1])
     found = np.zeros(row.size, np.int64)
     found[inside] = labels[row[inside], column[inside]]

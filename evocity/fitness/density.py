@@ -7,6 +7,7 @@ import numpy as np
 from evocity.citymap import STOREY, CityMap
 from evocity.fitness.measure import Undefined
 from evocity.fitness.registry import fitness
+from evocity.views.wanted_density import WantedDensity as WantedDensity
 
 #: Height of one floor, metres.
 FLOOR = STOREY

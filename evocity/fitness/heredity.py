@@ -86,13 +86,13 @@ def integrity_of(genome: Genome, sources: Sequence[CityMap]) -> float:
 def smallest_share(
     city: CityMap, genome: Genome, sources: Sequence[CityMap] | None = None
 ) -> float:
-    """Smallest share that any source city has in the built ground.
+    """Smallest share that any source city has in the built ground outside the lock.
 
     The attribute `parent` of the genome names the source city of each range block. Only built
     ground that comes from a source city counts; buildings on open ground that operators added do
-    not count. If the smallest share falls to 0, the city is no longer a cross of its parents, but a
-    copy of one parent. With equal shares, the value is .5 for two source cities, and .33 for three
-    source cities.
+    not count. Locked pixels do not count either, because no birth changes them. If the smallest
+    share falls to 0, the city is no longer a cross of its parents, but a copy of one parent. With
+    equal shares, the value is .5 for two source cities, and .33 for three source cities.
 
     The source cities are all cities that the genome or the run names. In a run of two cities, a map
     that comes from only one city has the value 0, and so have the source cities. Without the
@@ -100,9 +100,9 @@ def smallest_share(
     has the value 1.
 
     Formula: minimum over the source cities of (number of built pixels from this city / number of
-    built pixels from all source cities).
+    built pixels from all source cities), over the pixels that are not locked.
     Unit: none. Range: 0 (a source city is missing) to 1 (the genome and the run have only one
-    source city). Empty map: NaN (nothing is built). Source: our own.
+    source city). Empty map: NaN (nothing is built outside the lock). Source: our own.
 
     >>> lone = CityMap(np.pad(np.full((8, 16), 9.0), ((4, 20), (4, 12))), 2.0, name="lone")
     >>> code = evocity.encode(lone).genome
@@ -113,20 +113,24 @@ def smallest_share(
     """
     shares = source_shares(city, genome, sources)
     if not any(shares.values()):
-        return Undefined("nothing that is built comes from a source city")
+        return Undefined("nothing built outside the locked pixels comes from a source city")
     return min(shares.values())
 
 
 def source_shares(
     city: CityMap, genome: Genome, sources: Sequence[CityMap] | None = None
 ) -> dict[str, float]:
-    """Compute the share of each source city in the built ground of ``city``, by name.
+    """Compute the share of each source city in the built ground of ``city``, by name. Locked pixels
+    of the ``genome`` do not count.
 
     The shares sum to 1, or are all 0 if no built ground comes from a source city. The result lists
     first the cities that the ``genome`` names, in the genome's order, and then the cities of
     ``sources``. The function takes about 0.2 ms for 256 × 256 px.
     """
-    parents = city.of_whole(genome.pavement.raster(genome.parent))[city.built]
+    free = city.built
+    if genome.condensation is not None:
+        free = free & ~city.of_whole(genome.condensation.mask)
+    parents = city.of_whole(genome.pavement.raster(genome.parent))[free]
     counts = np.bincount(parents, minlength=len(genome.cities))
     built = dict.fromkeys(genome.cities, 0)
     for name, count in zip(genome.cities, counts.tolist(), strict=False):

@@ -1,6 +1,5 @@
 """Likeness of pictures: gradients and local patterns of patches, beside those of other cities."""
 
-import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -29,8 +28,6 @@ _PATTERNS = 59
 #: of built ground and of heights.
 GROUPS = (_BLOCKS, _BLOCKS, _PATTERNS, _PATTERNS)
 _ENDS = np.array([sum(GROUPS)])
-# Rounding of the interpolation between pixels, in metres.
-_ROUNDING = 1e-6
 
 
 @fitness(goal="min", range=(-1, math.inf), numbers=NUMBERS)
@@ -147,45 +144,12 @@ def oriented_gradients(image: np.ndarray) -> np.ndarray:
 
 
 def local_patterns(image: np.ndarray, radius: int) -> np.ndarray:
-    """Compute the local binary patterns of 8 neighbours at a ``radius``, px: int64 ``(H, W)``,
-    0…58, as `skimage.feature.local_binary_pattern` does with ``method="nri_uniform"``. Neighbours
-    that equal the pixel up to rounding count as not lower."""
-    wide = np.pad(image, radius + 1)
-    height, width = image.shape
-    signs = np.zeros(image.shape, np.int64)
-    for number in range(8):
-        angle = 2 * math.pi * number / 8
-        down, along = round(-radius * math.sin(angle), 5), round(radius * math.cos(angle), 5)
-        top, left = math.floor(down), math.floor(along)
-        y, x = down - top, along - left
-        value = np.zeros(image.shape)
-        for row, by_row in ((top, 1 - y), (top + 1, y)):
-            for column, by_column in ((left, 1 - x), (left + 1, x)):
-                if by_row * by_column:
-                    start = radius + 1 + row, radius + 1 + column
-                    part = wide[start[0] : start[0] + height, start[1] : start[1] + width]
-                    value += by_row * by_column * part
-        signs |= (value >= image - _ROUNDING).astype(np.int64) << number
-    return _UNIFORM[signs]
+    """Compute the local binary patterns of 8 neighbours at a ``radius``, px, of an ``image`` of
+    whole numbers: int64 ``(H, W)``, 0…58, by `skimage.feature.local_binary_pattern`."""
+    from skimage.feature import local_binary_pattern
 
-
-def _uniform_patterns() -> np.ndarray:
-    """Number the 256 patterns of 8 signs: those with at most two changes each by itself."""
-    numbers = np.empty(256, np.int64)
-    for pattern in range(256):
-        signs = [pattern >> k & 1 for k in range(8)]
-        ones = sum(signs)
-        if sum(a != b for a, b in itertools.pairwise(signs)) > 2:
-            numbers[pattern] = 58
-        elif ones in (0, 8):
-            numbers[pattern] = 57 if ones else 0
-        else:
-            turn = ones - signs.index(0) if signs[0] else 8 - signs.index(1)
-            numbers[pattern] = 1 + (ones - 1) * 8 + turn
-    return numbers
-
-
-_UNIFORM = _uniform_patterns()
+    whole = image.astype(np.int64)
+    return local_binary_pattern(whole, 8, radius, "nri_uniform").astype(np.int64)
 
 
 def _histograms(patterns: np.ndarray) -> np.ndarray:

@@ -2,7 +2,8 @@
 
 Each group is a Group, each solid a Shape with the name of the object: an IndexedFaceSet. Lengths
 are whole millimetres from the north-west corner, which makes short numbers; a Transform converts
-them to metres from the south-west corner.
+them to metres from the south-west corner. A Shape has one material, so a solid of two materials
+also has a colour for each face.
 """
 
 import math
@@ -13,7 +14,7 @@ import numpy as np
 
 from evocity.formats.facets import pair_walls
 from evocity.formats.materials import materials_of, names_of
-from evocity.formats.solids import About, Group
+from evocity.formats.solids import ROOF, About, Group
 from evocity.formats.trees import mesh_of
 
 #: The unit of lengths, metres.
@@ -21,38 +22,60 @@ GRAIN = 1e-3
 _SCALE = f"{GRAIN} {GRAIN} {GRAIN}"
 
 # Geometries by their points and faces, and viewpoints by their positions.
-_VRML97 = "IndexedFaceSet{{coord Coordinate{{point[{}]}}coordIndex[{}]}}"
+_VRML97 = "IndexedFaceSet{{coord Coordinate{{point[{}]}}coordIndex[{}]{}}}"
+_COLOURS = "\ncolorPerVertex FALSE color Color{{color[{}, {}]}}colorIndex[{}]"
 _VIEWPOINT = 'Viewpoint {{ position {} orientation 1 0 0 -0.785 description "from the south" }}'
 _VIEWPOINT_X3D = (
     '<Viewpoint position="{}" orientation="1 0 0 -0.785" description="from the south"/>'
 )
-_X3D = '<IndexedFaceSet coordIndex="{1}"><Coordinate point="{0}"/></IndexedFaceSet>'
+_X3D = '<IndexedFaceSet coordIndex="{1}"{2}<Coordinate point="{0}"/></IndexedFaceSet>'
+_COLOURS_X3D = ' colorPerVertex="false" colorIndex="{2}"><Color color="{0} {1}"/>'
 
 
-def vrml97(groups: Sequence[Group], about: About) -> str:
-    """Write the text of a .wrl. Source: ISO/IEC 14772-1:1997."""
+def vrml97(
+    groups: Sequence[Group],
+    about: About,
+    coarser: Sequence[Sequence[Group]] = (),
+    ranges: Sequence[float] = (),
+) -> str:
+    """Write the text of a .wrl. Source: ISO/IEC 14772-1:1997.
+
+    coarser : the same ground in less and less detail, levels of a node LOD.
+    ranges : for each of these, the distance from the ground's middle at which it begins, metres.
+    """
     notes = [f"offset {x:.3f}" for x in about.offset] + [about.crs or "", about.attribution]
     info = ", ".join(_quote(line) for line in notes if line)
     parts = ["#VRML V2.0 utf8", f"WorldInfo {{ title {_quote(about.name)} info [ {info} ] }}"]
     parts.append('NavigationInfo { type [ "EXAMINE", "WALK", "ANY" ] }')
     parts.append(_viewpoint(about, _VIEWPOINT))
     deep = _ground_depth(about)
-    parts.append(f"Transform {{ translation 0 0 {-deep * GRAIN:.10g} scale {_SCALE} children [")
-    for group, name, material, colour in _listed(groups):
-        look = f"DEF {material}-material Material {{ diffuseColor {colour} }}"
-        look = f"DEF {material}-look Appearance {{ material {look} }}"
-        parts.append(f"DEF {name} Group {{ children [")
-        for own, geometry in _geometries(group, deep, _VRML97):
-            # Blender reads nothing behind USE on its line
-            parts.append(f"DEF {own} Shape{{appearance {look}\ngeometry {geometry}}}")
-            look = f"USE {material}-look"
+    if coarser:
+        middle, listed = _middle(about), " ".join(f"{one:.10g}" for one in ranges)
+        parts.append(f"LOD {{ center {middle} range [ {listed} ] level [")
+    for level, own_groups in enumerate((groups, *coarser)):
+        prefix = f"level-{level}-" if coarser else ""
+        parts.append(f"Transform {{ translation 0 0 {-deep * GRAIN:.10g} scale {_SCALE} children [")
+        for group, name, material, colour in _listed(own_groups, prefix):
+            look = f"DEF {material}-material Material {{ diffuseColor {colour} }}"
+            look = f"DEF {material}-look Appearance {{ material {look} }}"
+            parts.append(f"DEF {name} Group {{ children [")
+            for own, geometry in _geometries(group, deep, _VRML97, _COLOURS, ""):
+                # Blender reads nothing behind USE on its line
+                parts.append(f"DEF {prefix}{own} Shape{{appearance {look}\ngeometry {geometry}}}")
+                look = f"USE {material}-look"
+            parts.append("] }")
         parts.append("] }")
-    return "\n".join([*parts, "] }", ""])
+    return "\n".join([*parts, *(["] }"] if coarser else []), ""])
 
 
-def x3d(groups: Sequence[Group], about: About) -> str:
-    """Write the text of an .x3d, XML: the profile Interchange. Source: ISO/IEC 19776-1, X3D
-    3.3."""
+def x3d(
+    groups: Sequence[Group],
+    about: About,
+    coarser: Sequence[Sequence[Group]] = (),
+    ranges: Sequence[float] = (),
+) -> str:
+    """Write the text of an .x3d, XML: the profile Interchange, or with a node LOD the profile
+    Immersive. Source: ISO/IEC 19776-1, X3D 3.3. ``coarser`` and ``ranges`` are as in `vrml97`."""
     metas = {
         "title": about.name,
         "rights": about.attribution,
@@ -64,7 +87,7 @@ def x3d(groups: Sequence[Group], about: About) -> str:
         '<?xml version="1.0" encoding="UTF-8"?>',
         '<!DOCTYPE X3D PUBLIC "ISO//Web3D//DTD X3D 3.3//EN" '
         '"https://www.web3d.org/specifications/x3d-3.3.dtd">',
-        '<X3D profile="Interchange" version="3.3">',
+        f'<X3D profile="{"Immersive" if coarser else "Interchange"}" version="3.3">',
         "<head>",
         *(
             f'<meta name="{name}" content={quoteattr(text)}/>'
@@ -77,26 +100,47 @@ def x3d(groups: Sequence[Group], about: About) -> str:
         _viewpoint(about, _VIEWPOINT_X3D),
     ]
     deep = _ground_depth(about)
-    parts.append(f'<Transform translation="0 0 {-deep * GRAIN:.10g}" scale="{_SCALE}">')
-    for group, name, material, colour in _listed(groups):
-        look = f'<Material DEF="{material}-material" diffuseColor="{colour}"/>'
-        look = f'<Appearance DEF="{material}-look">{look}</Appearance>'
-        parts.append(f'<Group DEF="{name}">')
-        for own, geometry in _geometries(group, deep, _X3D):
-            parts.append(f'<Shape DEF="{own}">{look}{geometry}</Shape>')
-            look = f'<Appearance USE="{material}-look"/>'
-        parts.append("</Group>")
-    return "\n".join([*parts, "</Transform>", "</Scene>", "</X3D>", ""])
+    if coarser:
+        listed = " ".join(f"{one:.10g}" for one in ranges)
+        parts.append(f'<LOD center="{_middle(about)}" range="{listed}">')
+    for level, own_groups in enumerate((groups, *coarser)):
+        prefix = f"level-{level}-" if coarser else ""
+        parts.append(f'<Transform translation="0 0 {-deep * GRAIN:.10g}" scale="{_SCALE}">')
+        for group, name, material, colour in _listed(own_groups, prefix):
+            look = f'<Material DEF="{material}-material" diffuseColor="{colour}"/>'
+            look = f'<Appearance DEF="{material}-look">{look}</Appearance>'
+            parts.append(f'<Group DEF="{name}">')
+            for own, geometry in _geometries(group, deep, _X3D, _COLOURS_X3D, ">"):
+                parts.append(f'<Shape DEF="{prefix}{own}">{look}{geometry}</Shape>')
+                look = f'<Appearance USE="{material}-look"/>'
+            parts.append("</Group>")
+        parts.append("</Transform>")
+    return "\n".join([*parts, *(["</LOD>"] if coarser else []), "</Scene>", "</X3D>", ""])
 
 
-def _listed(groups: Sequence[Group]) -> Iterator[tuple[Group, str, str, str]]:
-    """Yield each group with solids, with its name, the name of its material, and its colour."""
+def _middle(about: About) -> str:
+    """Write the middle of the ground, metres, y up."""
+    wide, deep = about.size
+    return f"{wide / 2:.10g} 0 {-deep / 2:.10g}"
+
+
+def _listed(groups: Sequence[Group], prefix: str) -> Iterator[tuple[Group, str, str, str]]:
+    """Yield each group with solids, with its name, the name of its material, and its colour; names
+    begin with the ``prefix``, since names of nodes occur once in a file."""
     for group in groups:
         if len(group):
-            colour = " ".join(f"{c:.4g}" for c in group.colour)
             walls, roofs = materials_of(group)
             material = (walls if walls.colour == group.colour else roofs).name
-            yield group, _word(group.name), _word(material), colour
+            yield (
+                group,
+                prefix + _word(group.name),
+                prefix + _word(material),
+                _numbers(group.colour),
+            )
+
+
+def _numbers(colour: Sequence[float]) -> str:
+    return " ".join(f"{c:.4g}" for c in colour)
 
 
 def _word(text: str) -> str:
@@ -117,9 +161,12 @@ def _ground_depth(about: About) -> int:
     return math.ceil(about.size[1] / GRAIN)
 
 
-def _geometries(group: Group, deep: int, template: str) -> Iterator[tuple[str, str]]:
+def _geometries(
+    group: Group, deep: int, template: str, colours: str, bare: str
+) -> Iterator[tuple[str, str]]:
     """Yield the name and the faces of each solid: walls have four corners, other faces three. A
-    solid lists its own points."""
+    solid lists its own points. Where a group has two materials, ``colours`` is the template for
+    those of the faces; other groups have ``bare`` in its place."""
     mesh = mesh_of(group)
     quads, owner, threes, rows = pair_walls(mesh)
     owners = mesh.owner[rows]
@@ -144,9 +191,22 @@ def _geometries(group: Group, deep: int, template: str) -> Iterator[tuple[str, s
         f"{a} {b} {c}" for a, b, c in zip(x.tolist(), z.tolist(), (deep - y).tolist(), strict=True)
     ]
     starts = first.tolist()
+    walls, roofs = materials_of(group)
+    pair = _numbers(walls.colour), _numbers(roofs.colour)
+    two, parts, places = walls != roofs, "", [0] * (len(group) + 1)
+    if two:
+        face_of = np.concatenate([owner, owners])
+        order = np.argsort(face_of, kind="stable")
+        is_roof = np.concatenate([np.zeros(len(quads), bool), mesh.part[rows] == ROOF])[order]
+        digits = np.full(2 * len(is_roof), ord(" "), np.uint8)
+        digits[::2] = ord("0") + is_roof
+        parts = digits.tobytes().decode()
+        places = np.searchsorted(face_of[order], np.arange(len(group) + 1)).tolist()
     for k, name in enumerate(names_of(group)):
         own = " ".join(points[starts[k] : starts[k + 1]])
-        yield _word(name), template.format(own, " ".join(numbers[ends[k] : ends[k + 1]]))
+        faces_text = " ".join(numbers[ends[k] : ends[k + 1]])
+        look = colours.format(*pair, parts[2 * places[k] : 2 * places[k + 1] - 1]) if two else bare
+        yield _word(name), template.format(own, faces_text, look)
 
 
 def _quote(text: str) -> str:

@@ -95,57 +95,85 @@ def lay_pieces(whose, row, column, iso, cell, root, height, width, starts, index
 
 
 @kernel
-def merge_siblings(top, left, side, index, most, same, numbers, affine, alive):
+def order_squares(found, ordered, index):
+    """``ordered`` (8, n) gets the squares ``found`` (8, n) of `lay_pieces`, row by row; ``index``
+    (H, W) the number of the square at each pixel."""
+    rows, columns = index.shape
+    for y in range(rows):
+        for x in range(columns):
+            index[y, x] = -1
+    for k in range(ordered.shape[1]):
+        index[found[0, k], found[1, k]] = -2 - k
+    count = 0
+    for y in range(rows):
+        x = 0
+        while x < columns:
+            if index[y, x] >= 0:
+                x += ordered[2, index[y, x]]
+                continue
+            k = -2 - index[y, x]
+            for m in range(8):
+                ordered[m, count] = found[m, k]
+            s = ordered[2, count]
+            for v in range(y, y + s):
+                for u in range(x, x + s):
+                    index[v, u] = count
+            count += 1
+            x += s
+
+
+@kernel
+def merge_siblings(
+    top, left, side, index, most, sigma, beta, part, parent, other, x, y, dx, dy, iso, source, turn,
+    affine, alive,
+):  # fmt: skip
     """Merge four range blocks that form one of twice the side and continue each other, from the
     finest up, to the side ``most``: the north-west one becomes the whole, the others are no longer
-    ``alive``. Returns the number of merges. ``same`` (m, n) are values, as bits, that must be
-    equal; ``numbers`` (8, n): x, y, dx, dy of the domain block, iso, row and column of the source,
-    turn."""
+    ``alive``. Returns the number of merges. ``sigma``, ``beta`` and ``part`` are bits; ``side``,
+    ``x``, ``y``, ``dx``, ``dy`` and ``source`` change."""
     merges, s = 0, np.int64(most)
     for i in range(side.size):
-        s = min(s, side[i])
+        s = min(s, np.int64(side[i]))
     while 2 * s <= most:
         for i in range(side.size):
             if not alive[i] or side[i] != s or top[i] % (2 * s) or left[i] % (2 * s):
                 continue
             if top[i] + 2 * s > index.shape[0] or left[i] + 2 * s > index.shape[1]:
                 continue
-            x = y = sr = sc = np.int64(0)
+            whole_x = whole_y = row = column = np.int64(0)
             ok = True
-            turn, iso = numbers[7, i], numbers[4, i]
+            wide, tall = np.int64(dx[i]), np.int64(dy[i])
             for q in range(4):
                 a, b = q // 2, q % 2
                 k = index[top[i] + a * s, left[i] + b * s]
                 ok = alive[k] and side[k] == s
                 ok &= top[k] == top[i] + a * s and left[k] == left[i] + b * s
-                for m in range(same.shape[0]):
-                    ok &= same[m, k] == same[m, i]
-                ok &= numbers[2, k] == numbers[2, i] and numbers[3, k] == numbers[3, i]
-                if not ok or numbers[4, k] != iso or numbers[7, k] != turn:
+                ok &= sigma[k] == sigma[i] and beta[k] == beta[i] and part[k] == part[i]
+                ok &= parent[k] == parent[i] and other[k] == other[i]
+                ok &= dx[k] == wide and dy[k] == tall
+                if not ok or iso[k] != iso[i] or turn[k] != turn[i]:
                     ok = False
                     break
                 # the north-west pixel of this quadrant in the whole's domain, and in its source
-                v, u = part_corner(affine[iso], 2 * s, a * s, b * s, s)
-                dx, dy = numbers[0, k], numbers[1, k]
-                if numbers[2, i] > 0:
-                    dx -= numbers[2, i] // s * u
-                    dy -= numbers[3, i] // s * v
-                v, u = part_corner(affine[turn], 2 * s, a * s, b * s, s)
-                dr, dc = numbers[5, k] - v, numbers[6, k] - u
+                v, u = part_corner(affine[iso[i]], 2 * s, a * s, b * s, s)
+                at_x, at_y = np.int64(x[k]), np.int64(y[k])
+                if wide > 0:
+                    at_x -= wide // s * u
+                    at_y -= tall // s * v
+                v, u = part_corner(affine[turn[i]], 2 * s, a * s, b * s, s)
+                from_row, from_column = np.int64(source[k] // 32768) - v, source[k] % 32768 - u
                 if q == 0:
-                    x, y, sr, sc = dx, dy, dr, dc
-                elif dx != x or dy != y or dr != sr or dc != sc:
+                    whole_x, whole_y, row, column = at_x, at_y, from_row, from_column
+                elif at_x != whole_x or at_y != whole_y or from_row != row or from_column != column:
                     ok = False
                     break
-            if not ok or sr < 0 or sc < 0:
+            if not ok or row < 0 or column < 0:
                 continue
             for q in range(1, 4):
                 alive[index[top[i] + (q // 2) * s, left[i] + (q % 2) * s]] = False
             side[i] = 2 * s
-            numbers[0, i], numbers[1, i] = x, y
-            numbers[2, i] *= 2
-            numbers[3, i] *= 2
-            numbers[5, i], numbers[6, i] = sr, sc
+            x[i], y[i], dx[i], dy[i] = whole_x, whole_y, 2 * wide, 2 * tall
+            source[i] = row * 32768 + column
             merges += 1
         s *= 2
     return merges

@@ -16,6 +16,17 @@ from evocity.genome.roofs import RoofTable
 SETTLING = (False, True, "roofs")
 
 
+def owned_array(name: str, values: np.ndarray, nucleotide: Nucleotide, count: int) -> np.ndarray:
+    """Do as `typed_array`, but keep an array that suits: it belongs to the genome from now on."""
+    dtype, flags = nucleotide.dtype, values.flags
+    if values.shape != (count,) or values.dtype != dtype or not (flags.owndata and flags.carray):
+        return typed_array(name, values, nucleotide, count)
+    if dtype.kind == "f":
+        values += dtype.type(0)  # −0 would change the digest
+    values.setflags(write=False)
+    return values
+
+
 def typed_array(name: str, values, nucleotide: Nucleotide, count: int) -> np.ndarray:
     """Convert ``values`` to a read-only array ``(count,)`` of the nucleotide's type. Raises
     `GenomeError` for another shape, or for values that do not fit the type."""

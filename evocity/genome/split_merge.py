@@ -11,11 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from evocity.errors import GenomeError, check_number
-from evocity.genome._kernels import lay_pieces, merge_siblings, part_places
-from evocity.genome.genome import Genome, descended, sides_text
-from evocity.genome.nucleotides import DOMAIN, FIELDS, packed, unpacked
+from evocity.genome._kernels import lay_pieces, merge_siblings, order_squares, part_places
+from evocity.genome.genome import Genome, derived, descended, sides_text
+from evocity.genome.nucleotides import DOMAIN, FIELDS
 from evocity.isometries import AFFINE, COMPOSITION, INVERSE
-from evocity.pavement import Pavement, touched
+from evocity.pavement import Pavement
+from evocity.pavement.pavement import divided, joined_squares
 
 #: The fields that a part of a lifs copies: all but the places of domain block and origin.
 _CARRIED = tuple(name for name in FIELDS if name not in (*DOMAIN, "source"))
@@ -48,30 +49,17 @@ def split(genome: Genome, side: int, where: np.ndarray | None = None) -> Genome:
             f"an array of booleans of the shape ({p.height}, {p.width}), one per pixel of the map",
             "give a mask of the map's size, or leave the parameter 'where' out",
         )
-    top, left, sides = *p.corners, p.side
-    where = where if where is None else np.asarray(where, bool)
-    while (wide := sides > side).any():
-        if where is not None:
-            wide &= touched(where, top, left, sides)
-            if not wide.any():
-                break
-        if (sides[wide] % 2).any() or (sides[wide] < 4).any():
-            raise GenomeError(
-                f"range blocks of {int(sides[wide].max())} px cannot be split into blocks of "
-                f"{side} px",
-                f"range blocks whose sides give {side} px by repeated halving",
-                "choose a side that the range blocks reach by repeated halving",
-            )
-        half = sides[wide] // 2
-        parts = [(top[~wide], left[~wide], sides[~wide])]
-        parts += [
-            (top[wide] + a * half, left[wide] + b * half, half) for a in (0, 1) for b in (0, 1)
-        ]
-        top, left, sides = map(np.concatenate, zip(*parts, strict=True))
-    if sides.size == p.side.size:
+    where = np.ones((p.height, p.width), bool) if where is None else np.asarray(where, bool)
+    pavement, lifs = divided(p, where, int(side))
+    if isinstance(pavement, int):
+        raise GenomeError(
+            f"range blocks of {pavement} px cannot be split into blocks of {side} px",
+            f"range blocks whose sides give {side} px by repeated halving",
+            "choose a side that the range blocks reach by repeated halving",
+        )
+    if pavement is p:
         return genome
-    order = np.argsort(top * p.width + left)
-    return refined(genome, Pavement(p.height, p.width, sides[order]))
+    return _taken(genome, pavement, lifs)
 
 
 def refined(genome: Genome, pavement: Pavement) -> Genome:
@@ -93,7 +81,16 @@ def refined(genome: Genome, pavement: Pavement) -> Genome:
             "a pavement (tiling by range blocks) that subdivides the genome's range blocks",
             "make the pavement with evocity.pavement.common_refinement",
         )
-    return genome.replace(pavement=pavement, **_part(genome, lifs, down, along, pavement.side))
+    return _taken(genome, pavement, lifs)
+
+
+def _taken(genome: Genome, pavement: Pavement, lifs: np.ndarray) -> Genome:
+    """Make the genome whose range blocks are parts of the ``lifs`` of another."""
+    down, along = (
+        corner - whole[lifs]
+        for corner, whole in zip(pavement.corners, genome.pavement.corners, strict=True)
+    )
+    return derived(genome, pavement=pavement, **_part(genome, lifs, down, along, pavement.side))
 
 
 def merged(genome: Genome, most: int | None = None) -> Genome:
@@ -110,25 +107,21 @@ def merged(genome: Genome, most: int | None = None) -> Genome:
     most = p.coarsest if most is None else int(most)
     if p.finest * 2 > most:
         return genome
-    top, left, side = p.corners[0].copy(), p.corners[1].copy(), p.side.copy()
-    row, column = unpacked(genome.source)
-    numbers = np.stack(
-        [*(getattr(genome, name) for name in DOMAIN), genome.iso, row, column, genome.turn]
-    ).astype(np.int64)
-    same = np.stack(
-        [
-            *(getattr(genome, name).view(np.int32) for name in ("sigma", "beta", "part")),
-            genome.parent.astype(np.int32),
-            genome.other.astype(np.int32),
-        ]
-    )
-    alive = np.ones(side.size, bool)
-    if not merge_siblings(top, left, side, p.index, most, same, numbers, AFFINE, alive):
+    side, alive = p.side.copy(), np.ones(len(p), bool)
+    bits = [getattr(genome, name).view(np.int32) for name in ("sigma", "beta", "part")]
+    changed = {name: getattr(genome, name).copy() for name in (*DOMAIN, "source")}
+    domain = [changed[name] for name in DOMAIN]
+    if not merge_siblings(
+        *p.corners, side, p.index, most, *bits, genome.parent, genome.other, *domain, genome.iso,
+        changed["source"], genome.turn, AFFINE, alive,
+    ):  # fmt: skip
         return genome
     columns = {name: getattr(genome, name)[alive] for name in _CARRIED}
-    columns |= dict(zip(DOMAIN, numbers[:4, alive], strict=True))
-    columns["source"] = packed(*numbers[5:7, alive])
-    return genome.replace(pavement=Pavement(p.height, p.width, side[alive]), **columns)
+    columns |= {name: values[alive] for name, values in changed.items()}
+    top, left = (corner[alive] for corner in p.corners)
+    return derived(
+        genome, pavement=joined_squares(p.height, p.width, top, left, side[alive]), **columns
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,9 +204,10 @@ def laid(genomes: Sequence[Genome], pieces: Pieces, *, carried: bool = False) ->
             "sides that halve to one another, 4 and 2, not 6 and 4, each at a multiple of itself",
             "encode the maps with the same sides",
         )
-    squares = squares[:, :count]
-    squares = squares[:, np.argsort(squares[0] * width + squares[1])]
-    pavement = _reuse_pavement(height, width, squares[2], pavements)
+    found, squares = squares, np.empty((8, count), np.int64)
+    drawn = np.empty((height, width), np.int32)
+    order_squares(found, squares, drawn)
+    pavement = _reuse_pavement(squares[:3].astype(np.int32), drawn, pavements)
     whose, lifs, iso = squares[3], squares[4], squares[7].astype(np.uint8)
     pointers, common = descended(genomes)
     columns = {}
@@ -231,14 +225,14 @@ def laid(genomes: Sequence[Genome], pieces: Pieces, *, carried: bool = False) ->
     return Layout(child, whose, lifs)
 
 
-def _reuse_pavement(
-    height: int, width: int, side: np.ndarray, known: Sequence[Pavement]
-) -> Pavement:
-    """Return the pavement of these sides, an equal one of the ``known`` before a new one."""
+def _reuse_pavement(squares: np.ndarray, index: np.ndarray, known: Sequence[Pavement]) -> Pavement:
+    """Return the pavement of the ``squares``, int32 ``(3, n)``: top, left, side, with this
+    ``index``; an equal one of the ``known`` before a new one."""
     for p in known:
-        if (p.height, p.width) == (height, width) and np.array_equal(p.side, side):
+        if (p.height, p.width) == index.shape and np.array_equal(p.side, squares[2]):
             return p
-    return Pavement(height, width, side)
+    top, left, side = (row.copy() for row in squares)
+    return Pavement._of_squares(top, left, side, index)
 
 
 def _part(genome: Genome, lifs, down, along, side) -> dict[str, np.ndarray]:

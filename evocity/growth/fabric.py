@@ -128,9 +128,9 @@ class Growth:
     ) -> dict[str, np.ndarray]:
         """Find the source of each cell in a rectangle, and return four int64 arrays ``(rows,
         columns)``. The four arrays hold the number of the original, the row and the column of the
-        cell in this original, and the isometry of the cell. In a fabric with streets, where
-        buildings turn by any angle, the arrays hold the nearest cell of the original and the
-        nearest isometry.
+        cell in this original, and the isometry of the cell. In a fabric with streets,
+        buildings turn by any angle: the arrays then hold the cell of the original and the isometry
+        that come nearest to the true place.
 
         Raises `OperatorError` if the borders of the rectangle cut cells.
         """

@@ -148,7 +148,7 @@ def fill_quarter(
         score_candidates(
             donor.numbers, donor.areas, nowhere, pixel, donor.step, lot.down[points],
             lot.along[points], inner, area / max(inner, 1), _LEAST_SHARE if inner else 0.0,
-            coverage, slack, 1.0, draws.candidates, scores,
+            coverage, slack, 1.0, draws.candidates, -np.inf, scores,
         )  # fmt: skip
         return scores
 

@@ -21,10 +21,12 @@
 - `projection`: reference systems, true metres
 - `rasterization`, `resampling`: footprints and rasters on square pixels
 - `condensation_masks`: pixels that decoding keeps, from masks and footprints
+- `density_files`: wanted densities, from rasters and points
 - `lines`: lines in GeoJSON, and condensations along them
 - `bundled_cities`: the districts that come with evocity
 - `writers`: `write_map`, `write_field`, `write_shares`, `write_leaves`, `write_faces`,
   `write_windows`, and the tables of writers
+- `ground_rasters`: elevations of the ground, read and written
 - `tiff`: the writer of GeoTIFF; `footprint_files`: footprints for files, and the writer of GeoJSON
 - `export`: the room of GeoPackage, FlatGeobuf, GeoParquet, reference systems and styles
 - `geotiff_seal`: the digest of a GeoTIFF, which shows changed bytes

@@ -4,6 +4,7 @@ from .bundled_cities import attribution_of as attribution_of
 from .bundled_cities import cities as cities
 from .condensation_masks import read_condensation as read_condensation
 from .condensation_masks import read_mask as read_mask
+from .density_files import read_wanted_density as read_wanted_density
 from .lines import PlacedLines as PlacedLines
 from .lines import condensation_along as condensation_along
 from .lines import line_on as line_on

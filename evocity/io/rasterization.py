@@ -112,7 +112,7 @@ def _choose_projection(
     note = f"; the map has a transverse Mercator projection about its centre, and not {own.name}"
     error = scale_error(own, *center)
     if is_metric(own) and KEPT_TOLERANCE < error < math.inf:
-        note += f", whose lengths are wrong by {error:.2%} here"
+        note += f", whose lengths are wrong by {100 * error:.2f} % here"
     return local_metres(*center), note
 
 

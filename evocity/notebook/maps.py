@@ -91,13 +91,13 @@ def _facts(genome: Genome) -> list[tuple[str, str]]:
     p = genome.pavement
     sides = f"{p.finest} to {p.coarsest}" if p.finest != p.coarsest else f"{p.finest}"
     facts = [
-        ("lifs", f"{len(genome)}, {float(genome.uniform.mean()):.0%} of them uniform"),
+        ("lifs", f"{len(genome)}, {100 * float(genome.uniform.mean()):.0f} % of them uniform"),
         ("range blocks", f"{sides} px"),
         ("map", f"{p.height} × {p.width} px of {genome.metres_per_pixel:g} m"),
         ("roofs", "settled" if genome.settle else "as decoded"),
     ]
     if genome.condensation is not None:
-        facts.append(("locked", f"{genome.condensation.mask.mean():.0%} of the pixels"))
+        facts.append(("locked", f"{100 * genome.condensation.mask.mean():.0f} % of the pixels"))
     if "operator" in genome.made:
         facts.append(("made by", str(genome.made["operator"])))
     return [*facts, ("digest", genome.digest[:12])]
@@ -106,4 +106,4 @@ def _facts(genome: Genome) -> list[tuple[str, str]]:
 def stone_of(genome: Genome) -> list[tuple[str, str]]:
     """Return source city -> share of the map that is its stone, for people; without traces."""
     pairs = zip(city_labels(genome.cities), genome.shares, strict=True)
-    return [(name, f"{share:.0%}") for name, share in pairs if share >= 0.005]
+    return [(name, f"{100 * share:.0f} %") for name, share in pairs if share >= 0.005]

@@ -33,7 +33,7 @@ def recipe_html(recipe: Recipe) -> str:
     facts = [
         ("cities", " × ".join(one.title or one.place for one in parents)),
         ("map", f"{window.pixels} × {window.pixels} px of {window.metres_per_pixel:g} m"),
-        ("births", f"{run.population} in each of {run.generations + 1} generations"),
+        ("births", f"{recipe.generation_size} in each of {run.generations + 1} generations"),
         ("search", recipe.search.algorithm + (", islands" if recipe.islands else "")),
         ("seed", str(run.seed)),
     ]
@@ -153,7 +153,7 @@ def archive_html(archive: Archive) -> str:
     alive = sum(archive.births["alive"].to_pylist())
     facts = [("births", f"{len(archive)}, {alive} of them alive")]
     if archive.grid is not None:
-        facts.append(("filled", f"{len(archive) / len(archive.grid):.1%} of the grid"))
+        facts.append(("filled", f"{100 * len(archive) / len(archive.grid):.1f} % of the grid"))
     facts.append(("hypervolume", number(archive.hypervolume)))
     heads = [name.removeprefix("fitness.") for name in names]
     left = max(0, len(archive) - _MOST_ROWS)

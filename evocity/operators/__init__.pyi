@@ -43,4 +43,6 @@ from .registry import origins as origins
 from .registry import parameters_of as parameters_of
 from .registry import plugin_warnings as plugin_warnings
 from .registry import reason_against as reason_against
+from .registry import takes_turns as takes_turns
+from .registry import with_older_values as with_older_values
 from .repair import collage_repair as collage_repair

@@ -411,3 +411,65 @@ def give_back(current, maps, owner, buildings, standing):
                     standing[labels[k]] += pixels[k]
         mended += 1
     return mended
+
+
+@kernel
+def _squares(heights, intended, top, left, side):
+    """Sum the squared differences in a square, in float64, row by row."""
+    total = 0.0
+    for y in range(top, top + side):
+        for x in range(left, left + side):
+            apart = heights[y, x] - intended[y, x]
+            total += apart * apart
+    return total
+
+
+@kernel
+def find_strays(heights, intended, top, left, side, grain, limit, ignored, where):
+    """Mark in ``where`` (H, W) the squares whose mean squared difference of ``heights`` from the
+    ``intended`` ones is above ``limit``, but for ``ignored`` pixels; of squares larger than
+    ``grain`` the parts of a grid of this side."""
+    rows, columns = where.shape
+    parts = np.zeros((rows // grain + 1, columns // grain + 1), np.int8)  # 0 is unknown
+    for i in range(side.size):
+        s = np.int64(side[i])
+        if s <= grain:
+            if _squares(heights, intended, top[i], left[i], s) > limit * (s * s):
+                for y in range(top[i], top[i] + s):
+                    for x in range(left[i], left[i] + s):
+                        where[y, x] |= not ignored[y, x]
+            continue
+        for y in range(top[i], top[i] + s):
+            for x in range(left[i], left[i] + s):
+                a, b = y // grain, x // grain
+                if parts[a, b] == 0:
+                    total = _squares(heights, intended, a * grain, b * grain, grain)
+                    parts[a, b] = 1 + (total > limit * (grain * grain))
+                if parts[a, b] == 2:
+                    where[y, x] |= not ignored[y, x]
+
+
+@kernel
+def block_moments(before, after, read, reads, free, top, left, side, moments):
+    """Sum over the ``free`` pixels of each square, in float64, row by row: ``moments`` (7, n) gets
+    the largest move, the number of pixels, and the sums of s, t, s², t² and s·t, with s = ``reads``
+    and t = ``after``. A pixel's move is that from ``before`` to ``after`` and that from ``read`` to
+    ``reads``."""
+    for i in range(side.size):
+        most = pixels = sum_s = sum_t = square_s = square_t = product = 0.0
+        for y in range(top[i], top[i] + side[i]):
+            for x in range(left[i], left[i] + side[i]):
+                if not free[y, x]:
+                    continue
+                move = abs(after[y, x] - before[y, x]) + abs(reads[y, x] - read[y, x])
+                most = max(most, np.float64(move))
+                s, t = np.float64(reads[y, x]), np.float64(after[y, x])
+                pixels += 1
+                sum_s += s
+                sum_t += t
+                square_s += s * s
+                square_t += t * t
+                product += s * t
+        moments[0, i], moments[1, i] = most, pixels
+        moments[2, i], moments[3, i] = sum_s, sum_t
+        moments[4, i], moments[5, i], moments[6, i] = square_s, square_t, product

@@ -4,9 +4,11 @@ import numpy as np
 import scipy
 
 from evocity.citymap import STOREY
-from evocity.coding.decode import CollageMap
+from evocity.coding.collage_map import CollageMap
 from evocity.coding.decoding_cache import decoded
 from evocity.genome import Genome
+from evocity.genome.genome import derived
+from evocity.operators._kernels import block_moments
 from evocity.operators.crossover import Draft, raw_heights
 from evocity.operators.grid import common_grid
 from evocity.operators.parameters import Check
@@ -218,21 +220,16 @@ def refit_lifs(genome: Genome, before: np.ndarray, after: np.ndarray) -> Genome:
     pavement, domain = genome.pavement, ~genome.uniform
     domains = CollageMap(genome).recoded(domain, np.zeros(domain.size))
     read, reads = domains(before), domains(after)
-    moved = np.abs(after - before) + np.abs(reads - read)
-    free = np.ones(after.shape)
+    free = np.ones(after.shape, bool)
     if genome.condensation is not None:
-        free[genome.condensation.mask] = 0
-    pixels = pavement.sums(free)
-    changed = (pavement.maxima(moved * free) > _SAME) & (pixels > 0)
-    pixels = np.maximum(pixels, 1)
-
-    def mean(raster: np.ndarray) -> np.ndarray:
-        return pavement.sums(raster * free) / pixels
-
-    s, t = reads.astype(float), after.astype(float)
-    mean_s, mean_t = mean(s), mean(t)
-    variance, relief = mean(s * s) - mean_s**2, mean(t * t) - mean_t**2
-    together = mean(s * t) - mean_s * mean_t
+        free = ~genome.condensation.mask
+    moments = np.empty((7, len(pavement)))
+    squares = *pavement.corners, pavement.side
+    block_moments(before, after, read, reads, free, *squares, moments)
+    changed = (moments[0] > _SAME) & (moments[1] > 0)
+    mean_s, mean_t, square_s, square_t, product = moments[2:] / np.maximum(moments[1], 1)
+    variance, relief = square_s - mean_s**2, square_t - mean_t**2
+    together = product - mean_s * mean_t
     sigma = genome.sigma.astype(float)
     left = relief - 2 * sigma * together + sigma**2 * variance
     steepest = genome.sigma_max
@@ -242,7 +239,8 @@ def refit_lifs(genome: Genome, before: np.ndarray, after: np.ndarray) -> Genome:
     best = np.divide(together, variance, out=sigma.copy(), where=able)
     sigma = np.clip(best, -steepest, steepest)
     beta = mean_t - sigma * mean_s
-    return genome.replace(
+    return derived(
+        genome,
         sigma=np.where(changed, sigma.astype(np.float32), genome.sigma),
         beta=np.where(changed, beta.astype(np.float32), genome.beta),
     )

@@ -1,7 +1,8 @@
 """Asymmetric and symmetric fusion: lifs of two parents, paired by the contents of range blocks."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -10,28 +11,34 @@ from evocity.operators.crossover import Draft, Drafting, raw_heights
 from evocity.operators.grid import common_grid, in_cells, side_checks
 from evocity.operators.lambda_crossover import GRAIN, interpolate, lambda_field
 from evocity.operators.pairing import mosaic, pair_cells, pieces_of
-from evocity.operators.parameters import SHARE, Check
+from evocity.operators.pairing.squares import pair_squares
+from evocity.operators.parameters import MOST_METRES, SHARE, Check
 
+#: Range blocks along a side of paired squares, by default.
+_BLOCKS = 5
 _ALIKE: Check = (lambda rms: rms >= 0, "0 m or more")
 
 
 @dataclass(frozen=True)
 class AsymmetricFusion(Drafting):
-    """Rebuild the first parent's map from range blocks of the second parent (Marsault 2002 §4.3,
-    2005 §2.3). In the papers, the fusion of the first parent with blocks of the second parent is
-    called 1mod2.
+    """Rebuild the first parent's plan from squares of the second parent (Marsault 2002 §4.3, 2005
+    §2.3). In the papers, the fusion of the first parent with blocks of the second parent is called
+    1mod2; with swapped parents, it is called 2mod1.
 
-    For each range block r1 of the first parent, the operator chooses r2, the range block of the
-    second parent with the most similar decoded heights. If several blocks are equally similar, the
-    surroundings of these blocks decide (topological collage). In the child, range block r1 of the
-    first parent gets the lifs of block r2 from the second parent. In the papers, the fusion of the
-    second parent with blocks of the first parent is called 2mod1.
+    The operator pairs each square of range blocks of the first parent with the square of the second
+    parent that has the most similar decoded heights and mean height. The square of the second
+    parent should also continue the squares to the north and west, and should not repeat. In the
+    child, each range block of a square gets the lifs of its partner in the second parent.
+
+    The papers pair single range blocks, as the operator does with ``side`` = 0. A single block has
+    a likeness almost everywhere, so the pairs of single blocks show the first parent again. Squares
+    show buildings of the second parent in the plan of the first parent.
 
     In the papers, the domain block of a copied lifs stays at its old position. Every copied lifs
-    reads the first parent's plan instead of the second city, so the children in the papers crumble.
-    With collage repair, the child shows the intended mosaic: the plan of the first city, made of
-    range blocks from the second city. The results in the papers are better with range blocks of 8
-    px than with blocks of 4 px, because larger blocks show more of a city.
+    reads the child's plan instead of the second city, so the children in the papers crumble. With
+    collage repair, the child shows the intended map, which the pairs make of the second city. The
+    results in the papers are better with range blocks of 8 px than with blocks of 4 px, because
+    larger blocks show more of a city. By default, the squares grow with the range blocks.
 
     Every lifs keeps the values ``parent`` and ``source`` that it has in the second parent. The
     child's list of cities includes the cities of the first parent, although no lifs comes from
@@ -39,31 +46,49 @@ class AsymmetricFusion(Drafting):
 
     Parameters
     ----------
-    isometries : whether blocks are compared under all 8 isometries of the square. The operator
-        combines the isometry that turns block r2 to block r1 with the isometry of the lifs.
-    alike : tolerance in metres, 0 or more; all blocks within this tolerance of the most similar
-        block count as equally similar. The difference between two blocks is the root mean square of
-        the differences between their heights. Decoded maps are precise to 0.01 m. With a larger
-        value of ``alike``, the surroundings of blocks decide more often.
+    side : side of the squares, metres, rounded to range blocks; 0 pairs single range blocks by
+        their contents only, as releases before 0.3 did. If ``side`` is None, a square has 5 × 5
+        range blocks. With range blocks of several sides, cells of up to 8 m count as range blocks.
+        A recipe without this key uses 0.
+    isometries : whether squares are compared under all 8 isometries of the square. The operator
+        combines the isometry that turns the partner with the isometry of each lifs.
+    alike : tolerance in metres, 0 or more; all squares within this tolerance of the most similar
+        square count as equally similar, and the square at the same place wins. The difference
+        between two squares is the root mean square of the differences between their heights.
+        Decoded maps are precise to 0.01 m. With ``side`` = 0, the surroundings of blocks decide
+        between equally similar blocks (topological collage).
     repair, reach, domains : parameters of collage repair, as in the operator `PavementFusion`. In
-        the intended map, the decoded heights of each block r2 replace the heights of its partner
-        r1.
+        the intended map, the decoded heights of each partner replace those of the first parent.
     """
 
     isometries: bool = False
     alike: float = 0.01
+    side: float | None = None
 
     name = "asymmetric_fusion"
     parents = (2, 2)
+    #: Recipes and logs of releases before squares have no key ``side``.
+    older_values: ClassVar[Mapping[str, Any]] = {"side": 0.0}
 
     def _checks(self) -> dict[str, Check]:
-        return {"alike": _ALIKE}
+        allowed = f"0…{MOST_METRES:g} m, or none for 5 range blocks"
+        return {
+            "side": (lambda side: side is None or 0 <= side <= MOST_METRES, allowed),
+            "alike": _ALIKE,
+        }
 
     def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
         grid = common_grid(self.name, parents)
         maps = [raw_heights(parent) for parent in parents]
         how = {"isometries": self.isometries, "alike": self.alike}
-        index, iso = pair_cells(grid, parents[1], maps, **how)
+        if self.side == 0:
+            index, iso = pair_cells(grid, parents[1], maps, **how)
+        else:
+            cell = grid.block * parents[0].metres_per_pixel
+            count = _BLOCKS if self.side is None else round(self.side / cell)
+            count = min(max(count, 1), grid.rows, grid.columns)
+            how["side"] = count * cell
+            index, iso = pair_squares(grid, maps, count, turned=self.isometries, alike=self.alike)
         intended = mosaic(grid, maps[1], index, iso)
         child = laid(parents, pieces_of(grid, 1, index, iso)).genome
         distance = np.sqrt(np.mean((intended - maps[0]) ** 2, dtype=np.float64))
@@ -82,7 +107,7 @@ class SymmetricFusion(Drafting):
     Parameters
     ----------
     share : share λ of the first parent's lifs, 0…1. A share of 0 gives the fusion 1mod2, and 1
-        gives 2mod1; see `AsymmetricFusion`.
+        gives 2mod1; see `AsymmetricFusion` with ``side`` = 0.
     choose : whether the operator chooses one of two lifs for each block, in patches, so that λ is
         the first parent's share of the map. If ``choose`` is false, every lifs mixes the lifs of
         the blocks r12 and r21 as λ·r12 + (1 − λ)·r21, as in `Interpolation`.

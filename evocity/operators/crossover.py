@@ -10,6 +10,7 @@ from evocity.coding.decoding_cache import decoded
 from evocity.condensation import merged as merged_layers
 from evocity.errors import OperatorError
 from evocity.genome import Genome, Pieces, laid, merged
+from evocity.genome.genome import checked
 from evocity.operators.parameters import Check, check_parameters, check_parents, repair_checks
 from evocity.operators.plans.inheritance import PLAN_KEY, carry_plan
 from evocity.operators.repair import collage_repair
@@ -112,6 +113,8 @@ class Drafting:
                 child, draft.intended, threshold=self.repair, **search, clear=self.clears
             )
             child = merged(child, most)
+        else:
+            checked(child)
         if self.keeps_streets and (plan := carry_plan(parents[0], child)) is not None:
             made[PLAN_KEY] = plan
         return child.replace(made=made)

@@ -9,6 +9,7 @@ import scipy
 from evocity import isometries
 from evocity.citymap import MAX_PIXELS, CityMap
 from evocity.genome import Genome, Pieces, laid
+from evocity.genome.genome import derived
 from evocity.operators._kernels import best_move, grown, outline_sides, tallied
 from evocity.operators.crossover import Draft, raw_heights
 from evocity.operators.grid import common_grid, in_cells, swaps_axes, turn_blocks, turn_places
@@ -371,4 +372,4 @@ class Rearrangement:
         columns = {name: getattr(genome, name).copy() for name in values}
         for name, column in columns.items():
             column[lifs] = values[name]
-        self.genome = genome.replace(**columns)
+        self.genome = derived(genome, **columns)

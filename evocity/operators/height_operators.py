@@ -74,6 +74,7 @@ class HeightScaling(Drafting):
     clears: ClassVar[bool] = True
     keeps_streets: ClassVar[bool] = True
     name = "height_scaling"
+    takes_turns: ClassVar[bool] = True
     parents = (1, 1)
 
     def _checks(self) -> dict[str, Check]:

@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import scipy
 
-from evocity.coding.decode import CollageMap
+from evocity.coding.collage_map import CollageMap
 from evocity.coding.fixed_point import fixed_point
 from evocity.condensation import merged
 from evocity.errors import OperatorError, spell
@@ -50,6 +51,7 @@ class LambdaCrossover(Drafting):
     grain: int | None = None
 
     name = "lambda_crossover"
+    takes_turns: ClassVar[bool] = True
     parents = (2, 2)
 
     def _checks(self) -> dict[str, Check]:
@@ -103,6 +105,7 @@ class Interpolation(Drafting):
     stepwise: bool = False
 
     name = "interpolation"
+    takes_turns: ClassVar[bool] = True
     parents = (2, 2)
 
     def _checks(self) -> dict[str, Check]:

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from evocity.citymap import BUILT_ABOVE, MAX_SIDE
-from evocity.coding.decode import CollageMap
+from evocity.coding.collage_map import CollageMap
 from evocity.coding.decoding_cache import decoded
 from evocity.genome import NUCLEOTIDES, Genome
 from evocity.operators.crossover import Draft, Drafting
@@ -58,6 +58,7 @@ class Mutation(Drafting):
 
     keeps_streets: ClassVar[bool] = True
     name = "mutation"
+    takes_turns: ClassVar[bool] = True
     parents = (1, 1)
 
     def _checks(self) -> dict[str, Check]:

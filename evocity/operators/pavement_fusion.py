@@ -1,13 +1,13 @@
 """Pavement fusion, by macro-blocks of falling size, and direct fusion, lifs by lifs."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from evocity.citymap import MAX_SIDE
-from evocity.genome import NUCLEOTIDES, VOID, Genome, Pieces, laid, packed
+from evocity.genome import MOST_PARENTS, NUCLEOTIDES, VOID, Genome, Pieces, laid, packed
 from evocity.operators._kernels import inject
 from evocity.operators.crossover import Draft, Drafting, assemble, raw_heights
 from evocity.operators.grid import common_grid, span_checks
@@ -30,8 +30,8 @@ SMALLEST = 32.0
 class PavementFusion(Drafting):
     """Fuse two or more parents by square macro-blocks (Marsault 2002 §4.4, 2005 §2.3).
 
-    The parent with the largest share fills the whole map at first. All parents except the parent
-    with the largest share inject macro-blocks in turn, each until it reaches its share. After each
+    The parent with the largest share, or the parent ``base``, fills the whole map at first. All
+    other parents inject macro-blocks in turn, each until it reaches its share. After each
     round of all parents, macro-blocks become one cell smaller, down to ``side_min``, and the margin
     shrinks by a fifth. A macro-block is admissible if it fits the child's map after all earlier
     injections. A macro-block may differ along its outline from the child's map by at most
@@ -47,6 +47,8 @@ class PavementFusion(Drafting):
         `fill` has a share for each parent, and a last share for bare ground if ``void`` is true. If
         ``fill`` is None, all parents have equal shares. If few macro-blocks are admissible, a
         parent gets less than its share; see ``made["fill_reached"]``.
+    base : number of the parent that fills the map at first, from 1; by default the parent with the
+        largest share. With a base, the other parents may fill the whole map.
     margin : largest error of a parent's share, 0…1.
     tolerance : largest mean difference along an outline, metres, called S in the papers.
     void : whether bare ground counts as an additional, last parent.
@@ -69,6 +71,7 @@ class PavementFusion(Drafting):
     size_min: int | None = None
     size_max: int | None = None
     positions: Sequence[tuple[int, int]] | None = None
+    base: int | None = None
 
     name = "pavement_fusion"
     parents = (2, None)
@@ -79,6 +82,10 @@ class PavementFusion(Drafting):
         return {
             **span_checks(self, SMALLEST),
             "fill": FILL,
+            "base": (
+                lambda base: base is None or 1 <= base <= MOST_PARENTS,
+                f"the number of a parent, 1…{MOST_PARENTS}, or none",
+            ),
             "margin": SHARE,
             "tolerance": (lambda tolerance: tolerance >= 0, "0 m or more"),
             "places": (_are_places, "pairs (down, along) of metres, or none"),
@@ -88,7 +95,12 @@ class PavementFusion(Drafting):
             ),
         }
 
+    def relaxed(self) -> "PavementFusion":
+        """Return an operator that admits more macro-blocks: it has twice the ``tolerance``."""
+        return replace(self, tolerance=max(1.0, 2 * self.tolerance))
+
     def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
+        self.check_count(len(parents))
         shares = self._shares(len(parents))
         if self.void:
             parents = [*parents, ground(parents[0])]
@@ -116,8 +128,14 @@ class PavementFusion(Drafting):
 
     def check_count(self, count: int) -> None:
         """Raise `OperatorError` if ``fill`` does not suit ``count`` parents and the parameter
-        `void`."""
+        `void`, or if they have no parent ``base``."""
         self._shares(count)
+        if self.base is not None and self.base > count:
+            raise at_fault(self.name, {"base": (str(self.base), f"1…{count}, or none")})
+
+    def _first(self, shares: np.ndarray) -> int:
+        """The index of the parent that fills the map at first."""
+        return int(np.argmax(shares)) if self.base is None else self.base - 1
 
     def _shares(self, count: int) -> np.ndarray:
         return shares_of(self.name, self.fill, count, self.void)
@@ -125,7 +143,7 @@ class PavementFusion(Drafting):
     def _pave(self, parents, grid, sizes, shares, rng) -> tuple[Pieces, np.ndarray]:
         """Pave the ``grid``: the pieces in its cells, and the stitched map."""
         maps = [raw_heights(parent) for parent in parents]
-        first = int(np.argmax(shares))
+        first = self._first(shares)
         owner = np.full((grid.rows, grid.columns), first, np.int64)
         current = maps[first].copy()
         margin, donor = self.margin, first

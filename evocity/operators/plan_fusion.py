@@ -37,6 +37,8 @@ class PlanFusion(PlanDrafting):
         genome's ``made["faces"]`` holds the number of filled faces, and ``made["genes"]`` holds
         face, source city, place, angle, mirror and scale of each filling. The entry
         ``made["plan"]`` holds the plan with the genes of all faces.
+    share : share of the faces that may be filled, 0…1. If this share is more than ``faces`` faces,
+        the operator fills the share.
     area_min : smallest area of the lot (ground for buildings) of a face to fill, m².
     halved_min : smallest area of a lot whose halves may have buildings from two places, m². If no
         place fits the whole lot, the operator tries a separate place for each half of the lot.
@@ -54,6 +56,7 @@ class PlanFusion(PlanDrafting):
     """
 
     faces: int | None = 2
+    share: float = 0.0
     area_min: float = 300.0
     halved_min: float = 1500.0
     draws: int = DRAWS
@@ -66,4 +69,5 @@ class PlanFusion(PlanDrafting):
 
     def _change(self, child: PlannedChild, rng: np.random.Generator) -> int:
         faces = rng.permutation(child.faces(self.area_min)).tolist()
-        return self._fill(child, faces, rng, self.faces, self.halved_min)
+        most = None if self.faces is None else max(self.faces, round(self.share * len(faces)))
+        return self._fill(child, faces, rng, most, self.halved_min)

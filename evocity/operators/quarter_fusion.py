@@ -92,6 +92,7 @@ class QuarterFusion(Drafting):
     widened: float = 0.0
 
     name = "quarter_fusion"
+    takes_turns: ClassVar[bool] = True
     parents = (2, None)
     lays_void: ClassVar[bool] = True
 
@@ -171,6 +172,7 @@ class QuarterRefill(Drafting):
     widened: float = 0.0
 
     name = "quarter_refill"
+    takes_turns: ClassVar[bool] = True
     parents = (1, None)
     lays_void: ClassVar[bool] = True
     #: In a search the source cities are further parents, so none of their fabric is lost for good.

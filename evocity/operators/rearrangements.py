@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 
@@ -222,6 +223,7 @@ class Relocation(Drafting):
     size_max: int | None = None
 
     name = "relocation"
+    takes_turns: ClassVar[bool] = True
     parents = (1, 1)
 
     def _checks(self) -> dict[str, Check]:

@@ -14,7 +14,7 @@ from evocity.operators._kernels import give_back, inject_regions
 from evocity.operators.crossover import Draft, raw_heights
 from evocity.operators.grid import in_cells, side_checks, swaps_axes, turn_blocks
 from evocity.operators.groups import Footings, footings_of
-from evocity.operators.parameters import SHARE, Check
+from evocity.operators.parameters import MOST_METRES, SHARE, Check
 from evocity.operators.pavement_fusion import PavementFusion, share_bounds
 from evocity.pavement import Pavement
 
@@ -46,7 +46,7 @@ class RegionFusion(PavementFusion):
     ----------
     side_min, side_max : smallest and largest side of the macro-blocks that grow to regions, metres.
         By default, the macro-blocks have sides from 32 m to 96 m.
-    fill, margin, void, places : shares of the parents, and corners of the macro-blocks, as in
+    fill, base, margin, void, places : shares of the parents, and corners of the macro-blocks, as in
         `PavementFusion`. In dense fabric, built components are as large as the map, so few regions
         are admissible; see ``made["fill_reached"]``.
     tolerance : largest mean difference along the outline of a region, metres, called S in the
@@ -75,6 +75,7 @@ class RegionFusion(PavementFusion):
     isometries: bool = False
 
     name = "region_fusion"
+    takes_turns: ClassVar[bool] = True
     _largest: ClassVar[float] = 96.0
 
     def _checks(self) -> dict[str, Check]:
@@ -88,13 +89,20 @@ class RegionFusion(PavementFusion):
             ),
         }
 
+    def relaxed(self) -> "RegionFusion":
+        """Return an operator that admits more regions: it may cut more, has twice the
+        ``tolerance``, and twice the largest area."""
+        area = min(2 * (self.area_max or _AREA), MOST_METRES)
+        wider = {} if self.limit is not None else {"area_max": area}
+        return replace(super().relaxed(), cut=min(1.0, self.cut + 0.4), **wider)
+
     def _draft(self, parents: Sequence[Genome], rng: np.random.Generator) -> Draft:
         draft = super()._draft(parents, rng)
         return replace(draft, made={**draft.made, "cut": self.cut, "tries": self.tries})
 
     def _pave(self, parents, grid, sizes, shares, rng) -> tuple[Pieces, np.ndarray]:
         limit = in_cells(self, "limit", _AREA, grid, parents, power=2)
-        first = int(np.argmax(shares))
+        first = self._first(shares)
         sizes = self._sizes(grid, *sizes, len(parents))
         donors = [(first + 1 + turn) % len(parents) for turn in range(len(sizes))]
         turned = _TurnedMaps(parents, grid)

@@ -51,7 +51,11 @@ class Operator(Protocol):
     An operator whose parameters do not suit every number of parents has a method
     ``check_count(count)``. The method ``check_count`` raises `OperatorError` for a number of
     parents that the parameters do not suit. An operator that changes only faces that other
-    operators filled sets ``needs_filled_faces`` to True; it copies a parent without such faces.
+    operators filled sets ``needs_filled_faces`` to True; it copies a parent without such faces. An
+    operator of fabric that breeds children of its own kind of difference sets ``takes_turns`` to
+    True: studio uses it where a user chooses no operator. An operator that can be too strict to
+    change anything has a method ``relaxed()``, which returns a less strict operator of the same
+    name.
     """
 
     name: ClassVar[str]
@@ -124,6 +128,12 @@ def bred_by(operator: object) -> str:
     """Return the kind of chromosome that an operator, or a class of operators, breeds: "fabric",
     "shape" or "curve"."""
     return getattr(operator, "of", "fabric")
+
+
+def takes_turns(operator: object) -> bool:
+    """Return whether an operator, or a class of operators, takes turns with others where a user
+    chooses none: operators of fabric that say so, and all others."""
+    return getattr(operator, "takes_turns", bred_by(operator) != "fabric")
 
 
 def reason_against(operator: object, factors: Collection[str], parents: Sequence[Genome]) -> str:
@@ -225,6 +235,12 @@ def parameters_of(kind: type[Operator]) -> list[str]:
     """List the names of the parameters of a class of operators, in the order of the class's
     signature."""
     return list(_parameters_of(kind))
+
+
+def with_older_values(name: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Complete ``parameters`` from a recipe or a log: keys that older releases did not have get the
+    values of the operator's attribute ``older_values``, so that it breeds as before."""
+    return {**getattr(operators().get(name), "older_values", {}), **parameters}
 
 
 @cache  # every birth calls this

@@ -9,12 +9,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from evocity.citymap import BUILT_ABOVE
-from evocity.coding.decode import CollageMap
-from evocity.coding.fixed_point import fixed_point
+from evocity.coding.collage_map import CollageMap
 from evocity.coding.matching import best_matches
 from evocity.coding.matching.domains import DomainPool, domain_pools
 from evocity.coding.parameters import Coding
 from evocity.genome import Genome, split
+from evocity.genome.genome import checked, derived
+from evocity.operators._kernels import find_strays
 from evocity.pavement import Pavement, touched
 
 #: The cap on |σ| of new matches where the code has no cap below 1: the parent's own fabric tames
@@ -75,10 +76,11 @@ def collage_repair(
     heights = intended
     for turn in range(rounds + (genome.sigma_max >= 1)):
         heights, steep = _decode_roughly(genome, heights, threshold)
-        where = genome.pavement.raster(steep)
+        where = np.zeros(intended.shape, bool) if steep is None else genome.pavement.raster(steep)
         if turn < rounds:
-            error = (heights - intended) ** 2
-            where |= _find_strays(genome.pavement, matching.grain, error, threshold) & ~replaced
+            p, limit = genome.pavement, float(threshold) ** 2
+            squares = (*p.corners, p.side, matching.grain)
+            find_strays(heights, intended, *squares, limit, replaced, where)
         if not where.any():
             break
         replaced |= where
@@ -95,7 +97,7 @@ def collage_repair(
         heights = np.where(where, intended, heights)
     if clear:
         genome = _clear_ground(genome, intended, heights, threshold)
-    return genome, _touched(genome.pavement, replaced).size
+    return checked(genome), _touched(genome.pavement, replaced).size
 
 
 def _clear_ground(
@@ -110,7 +112,7 @@ def _clear_ground(
     for _ in range(_ROUNDS):
         heights, steep = _decode_roughly(genome, heights, threshold)
         stray = ground & (heights > BUILT_ABOVE)
-        if steep.any() or not stray.any():
+        if steep is not None or not stray.any():
             break
         index, lower = genome.pavement.index, np.zeros(len(genome), np.float32)
         np.maximum.at(lower, index[stray], heights[stray] - np.float32(_GROUND))
@@ -122,7 +124,7 @@ def _clear_ground(
         lower = np.clip(lower, 0, np.maximum(least, 0))
         if not lower.any():
             break
-        genome = genome.replace(beta=genome.beta - lower)
+        genome = derived(genome, beta=genome.beta - lower)
     return genome
 
 
@@ -158,22 +160,11 @@ class _Matching:
             for name, values in matches.nucleotides(side).items():
                 columns[name] = getattr(genome, name).copy()
                 columns[name][lifs] = values
-            genome = genome.replace(**columns)
+            genome = derived(genome, **columns)
             if side > self.finest:
                 left = matches.energy - matches.gain > (self._threshold * side) ** 2
                 stray = np.concatenate([stray, lifs[left]])
         return genome, stray
-
-
-def _find_strays(pavement: Pavement, grain: int, error: np.ndarray, threshold: float) -> np.ndarray:
-    """Find range blocks whose mean squared ``error`` (H, W) is above the threshold, in parts of
-    ``grain`` px where they are larger: bool ``(H, W)``."""
-    wrong = pavement.raster(pavement.sums(error) > threshold**2 * pavement.area)
-    if pavement.coarsest > grain:
-        parts = Pavement(pavement.height, pavement.width, grain)
-        bad = parts.raster(parts.sums(error) > threshold**2 * parts.area)
-        wrong = np.where(pavement.raster(pavement.side) > grain, bad, wrong)
-    return wrong
 
 
 def _touched(pavement: Pavement, where: np.ndarray) -> np.ndarray:
@@ -183,9 +174,9 @@ def _touched(pavement: Pavement, where: np.ndarray) -> np.ndarray:
 
 def _decode_roughly(
     genome: Genome, start: np.ndarray, threshold: float
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray | None]:
     """Decode a genome to the precision that the ``threshold`` demands; with a mask of lifs that
-    need a new match in any case.
+    need a new match in any case, None without any.
 
     A crossed code without a cap on σ may diverge. Then one step from ``start`` replaces the decoded
     map, and the mask holds the lifs that do not contract.
@@ -193,7 +184,8 @@ def _decode_roughly(
     collage = CollageMap(genome)
     least, most = _TOLERANCES
     tolerance = least if genome.sigma_max >= 1 else min(max(threshold / 10, least), most)
-    end = fixed_point(collage.lay, start, tolerance=tolerance, repeat=collage.lay_again)
+    end = collage.fixed_point(start, tolerance=tolerance)
     if end.diverged:
-        return collage(start), np.abs(genome.sigma) >= 1
-    return np.maximum(end.values, 0), np.zeros(len(genome), bool)
+        steep = np.abs(genome.sigma) >= 1
+        return collage(start), steep if steep.any() else None
+    return np.maximum(end.values, 0), None

@@ -1,5 +1,7 @@
 """Compiled loops over range blocks. Slow twins stand in tests/naive.py."""
 
+import numpy as np
+
 from evocity.accelerate import kernel
 
 
@@ -37,6 +39,62 @@ def tile(side, index, top, left):
             if index[v, u] < 0:
                 return -1
     return side.size
+
+
+@kernel
+def lay_squares(top, left, side, index):
+    """``index`` (H, W) gets the number of the square at each pixel; the squares tile the map."""
+    for i in range(side.size):
+        for y in range(top[i], top[i] + side[i]):
+            for x in range(left[i], left[i] + side[i]):
+                index[y, x] = i
+
+
+@kernel
+def _holds(where, top, left, side):
+    for y in range(top, top + side):
+        for x in range(left, left + side):
+            if where[y, x]:
+                return True
+    return False
+
+
+@kernel
+def split_squares(where, known, top, left, side, least, squares, index):
+    """Halve squares with a true pixel of ``where`` (H, W) until their sides are at most ``least``.
+
+    ``known`` (H, W) holds the number of each pixel's square. ``squares`` (4, m) gets number, top,
+    left and side of the parts, row by row, and ``index`` (H, W) the number of the part at each
+    pixel. Returns the number of parts; or, if halving gives no whole number of pixels, 2 or more,
+    the side that cannot be halved, below 0.
+    """
+    rows, columns = index.shape
+    for y in range(rows):
+        for x in range(columns):
+            index[y, x] = -1
+    count = 0
+    for y in range(rows):
+        x = 0
+        while x < columns:
+            if index[y, x] >= 0:
+                x += squares[3, index[y, x]]
+                continue
+            i = known[y, x]
+            v, u, s = np.int64(top[i]), np.int64(left[i]), np.int64(side[i])
+            while s > least and _holds(where, v, u, s):
+                if s % 2 or s < 4:
+                    return -s
+                s //= 2
+                v += s * (y >= v + s)
+                u += s * (x >= u + s)
+            squares[0, count], squares[1, count], squares[2, count] = i, v, u
+            squares[3, count] = s
+            for a in range(v, v + s):
+                for b in range(u, u + s):
+                    index[a, b] = count
+            count += 1
+            x += s
+    return count
 
 
 @kernel

@@ -6,7 +6,14 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from evocity.errors import GenomeError, check_number, keyword, spell
-from evocity.pavement._kernels import cut_squares, spread, sum_squares, tile
+from evocity.pavement._kernels import (
+    cut_squares,
+    lay_squares,
+    split_squares,
+    spread,
+    sum_squares,
+    tile,
+)
 
 
 class Pavement:
@@ -74,12 +81,25 @@ class Pavement:
                 "squares that tile the map, sorted by top, then left",
                 "encode the map again",
             )
+        self._fill(top, left, side, index)
+
+    def _fill(self, top, left, side, index) -> None:
+        """Fill the cached properties below."""
         if (side == side[0]).all():
             self._block = int(side[0])
-        # fill the cached properties below
         self.__dict__["side"] = _read_only(side)
         self.__dict__["corners"] = (_read_only(top), _read_only(left))
         self.__dict__["index"] = _read_only(index)
+
+    @classmethod
+    def _of_squares(cls, top, left, side, index: np.ndarray) -> "Pavement":
+        """Make the pavement of squares that tile a map, int32 ``(n,)`` each, in the order of their
+        corners; ``index``, int32 ``(H, W)``, is theirs. Nothing is checked or copied."""
+        pavement = object.__new__(cls)
+        pavement.height, pavement.width = index.shape
+        pavement._block = None
+        pavement._fill(top, left, side, index)
+        return pavement
 
     def __repr__(self) -> str:
         sides = self.block if self.uniform else f"{self.finest}…{self.coarsest}, {len(self)} leaves"
@@ -225,6 +245,34 @@ class Pavement:
         for side, which in self.levels.items():
             maxima[which] = self.blocks(raster, side).max(axis=(1, 2))
         return maxima
+
+
+def joined_squares(height: int, width: int, top, left, side) -> Pavement:
+    """Make the pavement of squares that surely tile a map, int32 ``(n,)`` each, in the order of
+    their corners. The pavement takes the arrays over."""
+    index = np.empty((height, width), np.int32)
+    lay_squares(top, left, side, index)
+    return Pavement._of_squares(top, left, side, index)
+
+
+def divided(pavement: Pavement, where: np.ndarray, least: int) -> tuple[Pavement | int, np.ndarray]:
+    """Halve the range blocks with a true pixel of ``where``, bool ``(H, W)``, until their sides are
+    at most ``least``.
+
+    Returns the new pavement, and the number of the range block that each of its blocks is a part
+    of, int32 ``(n,)``; instead of the pavement the side of a block that cannot be halved.
+    """
+    squares = np.empty((4, pavement.height * pavement.width // 4), np.int32)
+    index = np.empty((pavement.height, pavement.width), np.int32)
+    count = split_squares(
+        where, pavement.index, *pavement.corners, pavement.side, least, squares, index
+    )
+    if count < 0:
+        return -count, squares[0, :0]
+    if count == len(pavement):
+        return pavement, squares[0, :count]
+    lifs, top, left, side = (row[:count].copy() for row in squares)
+    return Pavement._of_squares(top, left, side, index), lifs
 
 
 @lru_cache(maxsize=2)

@@ -166,7 +166,7 @@ def render_change(change: Change, *, zoom: int = 1) -> Image.Image:
     city = change.second.replace(change.second.heights, attribution=change.attribution)
     colours = change_colours(change.metres, change.end).repeat(zoom, axis=0).repeat(zoom, axis=1)
     end = change.end
-    note = f"{change.apart:.0%} by over\n{STOREY:g} m"
+    note = f"{100 * change.apart:.0f} % by over\n{STOREY:g} m"
     scale = Scale("more, m", end, lambda shown: change_colours(shown, end), note, -end)
     title = f"{change.second.name} less {change.first.name}"
     return draw_legend(city, Image.fromarray(colours), title, scale, zoom)

@@ -8,7 +8,7 @@ from evocity.analysis import Run
 from evocity.analysis.births import Births
 from evocity.analysis.clusters import farthest_first
 from evocity.analysis.thumbnails import cities_of, highest_of, thumbnail
-from evocity.errors import check_number
+from evocity.errors import RunError, check_number
 from evocity.plot import style
 from evocity.plot.births import aim_on, axis_label, births_of, rows_of
 from evocity.plot.generations import wanted_lines
@@ -22,8 +22,8 @@ _COMPARED = 3000
 
 def front(
     run: Run,
-    x: str,
-    y: str,
+    x: str | None = None,
+    y: str | None = None,
     generation: int | None = None,
     of: object = None,
     thumbnails: int = 6,
@@ -35,17 +35,19 @@ def front(
     front whose values of the two measures differ strongly. Each map shows the id of its birth, and
     a line connects the map with its point.
 
-    x, y : names of the measures for the horizontal and the vertical axis.
+    x, y : names of the measures for the horizontal and the vertical axis; by default the two
+        measures with a goal, if the run has two.
     generation : number of the generation whose front to draw; by default the last generation.
     of : births to draw, as a data frame, ids or individuals; by default all births up to the
         ``generation``. The maps beside the plot show only births in ``of``.
     thumbnails : number of maps beside the plot, from 0 to 18.
 
     Raises `RunError` for a measure that the run does not log, for an incomplete generation, and for
-    an unknown id. Raises `EvocityError` if the number of maps is out of range.
+    an unknown id. Raises `RunError` for a missing name, unless the run has two measures with a
+    goal. Raises `EvocityError` if the number of maps is out of range.
     """
     births = births_of(run)
-    aims = [aim_on(births, name) for name in (x, y)]
+    aims = [aim_on(births, name) for name in _axes(births, x, y)]
     expected = f"a number of maps from 0 to {MOST_MAPS}"
     check_number("thumbnails", thumbnails, 0, MOST_MAPS, expected, whole=True)
     ids, ranks = births.ranked(generation)
@@ -65,6 +67,24 @@ def front(
     if len(chosen):
         _maps(ax, births, values, chosen)
     return ax
+
+
+def _axes(births: Births, x: str | None, y: str | None) -> tuple[str, str]:
+    """Return the names of both axes; a missing name is that of the other measure with a goal."""
+    if x is not None and y is not None:
+        return x, y
+    names = [aim.name for aim in births.sought]
+    others = [name for name in names if name not in (x, y)]
+    if len(names) != 2 or len(others) < (x, y).count(None):
+        given = [f"{axis} = {name!r}" for axis, name in (("x", x), ("y", y)) if name is not None]
+        raise RunError(
+            f"{births.run.path}: the call names {' and '.join(given) or 'no measures'}; measures "
+            f"with a goal in the run: {', '.join(names) or 'none'}",
+            "the names of two measures, or a run with two measures that have a goal",
+            'name both measures, for example evocity.plot.front(run, "gsi", "alignment")',
+        )
+    first = others.pop(0) if x is None else x
+    return first, (others.pop(0) if y is None else y)
 
 
 def _dots(ax: Axes, births: Births, values, rows, living, best) -> None:

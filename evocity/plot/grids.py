@@ -16,8 +16,9 @@ from evocity.plot.births import births_of
 from evocity.plot.style import Panels
 from evocity.search.record.grid import Binned, binned, grid_of_run
 
-# Points of the smallest cell with a map, and with its id; slices and maps at most.
-_MAP, _NUMBER = 14, 34
+# Points of the smallest cell with a map, with its id, and with lines between cells; slices and maps
+# at most.
+_MAP, _NUMBER, _LINED = 14, 34, 4
 _MOST_SLICES, _MOST_MAPS = 12, 900
 _INCHES, _WIDEST = 6.6, 1.0
 _WORSE = "#e8d6ce"
@@ -55,9 +56,10 @@ def grid(
     goal = births.quality_on(island) if goal is None else goal
     bins = binned(births.run, cells, births.last, goal)
     places = cells.places(bins.births["cell"].to_numpy())
-    slices = [0]
+    slices, left = [0], 0
     if len(cells.counts) == 3:
-        slices = sorted(set(places[:, 2].tolist()))[:_MOST_SLICES] or [0]
+        every = sorted(set(places[:, 2].tolist())) or [0]
+        slices, left = every[:_MOST_SLICES], len(every[_MOST_SLICES:])
     across, down = cells.counts[:2]
     columns = int(np.ceil(np.sqrt(len(slices))))
     inch = min(_WIDEST, _INCHES / (columns * max(across, down)))
@@ -76,6 +78,7 @@ def grid(
                           loc="left")  # fmt: skip
     frames = _frames(axes, slices, births, cells)
     filled = style.plain(f"{len(bins)} of {len(cells)} cells filled, best of each by {goal}")
+    filled += f"; {left} more slices are not drawn" if left else ""
     if len(axes) == 1:
         axes[0].set_title(filled, **style.FAINT_TEXT, loc="left")
     else:
@@ -105,10 +108,9 @@ def _slice(ax: Axes, births: Births, bins: Binned, places, kept, cities, highest
     ax.set_xlim(0, across)
     ax.set_ylim(down, 0)
     ax.add_patch(Rectangle((0, 0), across, down, facecolor=style.GROUNDS, zorder=0))
-    for line in range(1, across):
-        ax.axvline(line, color=style.PAPERS, linewidth=0.8, zorder=0.5)
-    for line in range(1, down):
-        ax.axhline(line, color=style.PAPERS, linewidth=0.8, zorder=0.5)
+    if inch * 72 >= _LINED:
+        ax.vlines(range(1, across), 0, down, style.PAPERS, linewidth=0.8, zorder=0.5)
+        ax.hlines(range(1, down), 0, across, style.PAPERS, linewidth=0.8, zorder=0.5)
     ids = bins.births["id"].to_numpy()[kept]
     share = (bins.worth / max(float(bins.worth.max(initial=0)), 1e-300))[kept]
     left, top = places[kept, 0], down - 1 - places[kept, 1]

@@ -102,7 +102,7 @@ def city_patches(cities, shares=None) -> list[Patch]:
     parts = zip(city_labels(cities), city_colours(cities), shares, strict=True)
     return [
         Patch(facecolor=colour, edgecolor=style.FAINTS, linewidth=0.4,
-              label=style.short(city) + ("" if share is None else f", {share:.0%}"))
+              label=style.short(city) + ("" if share is None else f", {100 * share:.0f} %"))
         for city, colour, share in parts
         if share is None or share > 0
     ]  # fmt: skip
@@ -155,7 +155,7 @@ def difference(a: Individual | CityMap, b: Individual | CityMap, ax: object = No
         style.map_on(one, np.asarray(picture), pixel, style.short(city.name, 44))
     style.height_scale(axes[1], highest)
     style.map_on(axes[2], change_colours(change.metres, change.end), pixel,
-           f"second minus first: {change.apart:.0%} by over a storey")  # fmt: skip
+           f"second minus first: {100 * change.apart:.0f} % by over a storey")  # fmt: skip
     scale = change_colours(np.linspace(-change.end, change.end, 256), change.end)
     style.colour_scale(axes[2], scale, -change.end, change.end, "m")
     style.credit(axes[0], change.attribution)
@@ -202,7 +202,7 @@ def buildings(
     ax.set_ylim(0, 1.02)
     label = style.fold(f"{what} of a building, {unit}", 60)
     style.name_axes(ax, label, "share of buildings up to this size")
-    ax.yaxis.set_major_formatter(lambda value, _: f"{value:.0%}")
+    ax.yaxis.set_major_formatter(lambda value, _: f"{100 * value:.0f} %")
     style.key(ax, ax.lines)
     return ax
 

@@ -192,8 +192,8 @@ def credit(run: Run, ax: Axes | None = None) -> Axes:
     ax.barh(places, columns["survived"], 0.5, color=style.FIRST, label="survived")
     ax.barh(places, columns["entered"], 0.26, color=style.LIVING, label="entered the archive")
     for place in places:
-        parts = [f"{columns['survived'][place] / counts[place]:.0%} survived"]
-        parts += [f"{columns['ancestors'][place]:.0%} of the ancestors of the living"]
+        parts = [f"{100 * columns['survived'][place] / counts[place]:.0f} % survived"]
+        parts += [f"{100 * columns['ancestors'][place]:.0f} % of the ancestors of the living"]
         if columns["failed"][place]:
             parts.append(f"{columns['failed'][place]} failed")
         ax.annotate(", ".join(parts), (counts[place], place), (5, 0), va="center",

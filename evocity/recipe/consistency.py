@@ -15,6 +15,7 @@ from evocity.operators.grid import METRES
 from evocity.pavement.levels import USUAL
 from evocity.recipe.islands import island_faults, merged_operators
 from evocity.recipe.mixture import (
+    LEVER_OF,
     OperatorEntry,
     corners,
     is_range,
@@ -167,7 +168,7 @@ def cross_faults(recipe: BaseModel) -> list[Fault]:
     checks = (_measures, _parents, _operators, _subjects, _populations, island_faults, _descriptors)
     return [
         fault
-        for check in (*checks, _refinement, _targets, _shares, _plans)
+        for check in (*checks, _refinement, _steering, _targets, _shares, _plans)
         for fault in check(recipe)
     ]
 
@@ -276,6 +277,20 @@ def _populations(recipe: BaseModel) -> Iterator[Fault]:
         yield "run.population", str(recipe.run.population), allowed
     if not recipe.islands:
         yield from recipe.search.faults(len(recipe.goals), recipe.run.population, parents)
+    births, allowed = recipe.search.births, ""
+    if births is None:
+        return
+    if recipe.islands:
+        found, allowed = f"with {len(recipe.islands)} islands", "each breeds as many as live on it"
+    elif recipe.search.breeds_by is not None:
+        found = f"with the algorithm {recipe.search.algorithm!r}"
+        allowed = "it breeds one child of each individual"
+    elif recipe.search.window is not None:
+        found, allowed = "with a window", "births enter it one at a time"
+    if allowed:
+        yield "search.births", f"{births}, {found}", f"no births: {allowed}"
+    elif births < parents:
+        yield "search.births", str(births), f"{parents} or more, one for each of the parents"
 
 
 def _descriptors(recipe: BaseModel) -> Iterator[Fault]:
@@ -317,6 +332,27 @@ def _plans(recipe: BaseModel) -> Iterator[Fault]:
             if value := local.search.settings.get(key, 0):
                 found = f"{value:g}, in a run of kind {spell(recipe.kind.name)}"
                 yield f"{place}.{key}", found, "0: only fabrics have plans of streets"
+
+
+def _steering(recipe: BaseModel) -> Iterator[Fault]:
+    """Steering of a run whose births, or whose targets, have no levers."""
+    steer = recipe.search.steer
+    if not steer:
+        return
+    entries = [one for one in recipe.fitness if one.target is not None or one.like is not None]
+    targets = {measure.name for entry in entries for measure in entry.measures}
+    if recipe.kind.name != "fabric":
+        found = f"in a run of kind {spell(recipe.kind.name)}"
+        yield "search.steer", f"{steer:g}, {found}", "0: only fabrics have levers"
+    elif recipe.search.breeds_by is not None:
+        found = f"with the algorithm {recipe.search.algorithm!r}"
+        yield "search.steer", f"{steer:g}, {found}", "0: this algorithm breeds by itself"
+    elif not targets:
+        found = f"{steer:g}, but no goal has a target"
+        yield "search.steer", found, f"0; or a target, or like, for {', '.join(LEVER_OF)}"
+    elif targets.isdisjoint(LEVER_OF):
+        found = f"{steer:g}, but no goal with a target has a lever"
+        yield "search.steer", found, f"0; or a target, or like, for {', '.join(LEVER_OF)}"
 
 
 def _refinement(recipe: BaseModel) -> Iterator[Fault]:

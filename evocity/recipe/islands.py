@@ -49,7 +49,8 @@ class IslandSection(BaseModel):
         own = dict(self.model_extra or {})
         if self.algorithm in (None, search.algorithm):
             own = (search.model_extra or {}) | own
-        shared = {key: getattr(search, key) for key in ("picks", "adapt", "mates")}
+        keys = ("picks", "adapt", "credit", "mates", "redraws", "steer")
+        shared = {key: getattr(search, key) for key in keys}
         return SearchSection(**own | shared | {"algorithm": self.algorithm or search.algorithm})
 
     def operators_of(self, operators: Mapping[str, OperatorEntry]) -> dict[str, OperatorEntry]:

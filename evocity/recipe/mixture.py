@@ -55,6 +55,26 @@ PLAN_OPERATORS: Mapping[str, Mapping[str, Any]] = {
 }
 
 
+#: Operators of births that are steered, see `evocity.search.breeding.levers`.
+STEERING_OPERATORS = (
+    "height_scaling",
+    "quarter_fusion",
+    "quarter_refill",
+    "relocation",
+    "plan_change",
+)
+
+#: What the lever of each measure changes, see `evocity.search.breeding.levers`; other measures have
+#: no lever.
+LEVER_OF: Mapping[str, str] = {
+    "fsi": "heights",
+    "mean_height": "heights",
+    "storeys": "heights",
+    "gsi": "ground",
+    "street_width": "widths",
+}
+
+
 def plan_operators() -> dict[str, OperatorEntry]:
     """Make the mixture of new recipes with several parents."""
     return {name: OperatorEntry(**entry) for name, entry in PLAN_OPERATORS.items()}

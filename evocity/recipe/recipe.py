@@ -31,6 +31,7 @@ from evocity.operators import Operator
 from evocity.recipe.islands import MOST_ISLANDS, IslandSection, MigrationSection
 from evocity.recipe.measures import FitnessEntry, MeasureEntry
 from evocity.recipe.mixture import (
+    STEERING_OPERATORS,
     OperatorEntry,
     drawing_of,
     entry_table,
@@ -216,6 +217,12 @@ class Recipe(Section, Displayed):
         ] or [self]
 
     @property
+    def generation_size(self) -> int:
+        """Number of births in each generation: the value of the key ``births`` in the section
+        ``[search]``, or by default the population. The log numbers births by it."""
+        return self.search.births or self.run.population
+
+    @property
     def slots(self) -> list[range]:
         """Slots of each island: the range of numbers that the births of the island have within a
         generation. In a recipe without islands, a single range contains the numbers of all births
@@ -223,7 +230,7 @@ class Recipe(Section, Displayed):
         ends = [0]
         for island in self.islands:
             ends.append(ends[-1] + island.population)
-        return [range(*ends) for ends in pairwise(ends)] or [range(self.run.population)]
+        return [range(*ends) for ends in pairwise(ends)] or [range(self.generation_size)]
 
     def at(self, slot: int) -> "Recipe":
         """Return the recipe of the island that breeds the birth with the number ``slot`` in a
@@ -259,14 +266,15 @@ class Recipe(Section, Displayed):
 
     @property
     def breeding(self) -> list[str]:
-        """Names of the operators that may breed in the run, including the operator of
-        refinement."""
+        """Names of the operators that may breed in the run, including those of refinement and of
+        steering."""
         if self.islands:
             return list(dict.fromkeys(name for one in self.local for name in one.breeding))
         own = self.search.breeds_by
         names = list(self.operators) if own is None else [own]
         refining = [self.refine.operator] if self.refine.births else []
-        return list(dict.fromkeys(names + refining))
+        steering = STEERING_OPERATORS if self.search.steer else ()
+        return list(dict.fromkeys([*names, *refining, *steering]))
 
     def parent_named(self, name: str) -> Parent | None:
         """Return the parent that the recipe calls ``name``, or else the parent whose map has this
@@ -312,5 +320,7 @@ class Recipe(Section, Displayed):
 
     def parameters(self, name: str) -> dict[str, Any]:
         """Return the parameters of the operator called ``name`` in the notation of the recipe's
-        TOML file."""
-        return self.operators.get(name, OperatorEntry()).parameters
+        TOML file. If the recipe has the operator, keys that older releases did not have get the
+        values that keep old recipes breeding as before."""
+        entry = self.operators.get(name)
+        return {} if entry is None else operators.with_older_values(name, entry.parameters)

@@ -112,10 +112,13 @@ class SearchSection(BaseModel):
 
     ``picks``: the share of births whose first parent is a pick, while there are picks. ``mates``:
     the share of crossings of plans whose parents have one plan, while some of the living have.
-    ``adapt``:
-    weights of operators follow the success of their births, see `evocity.search.breeding.credit`.
-    ``window``: parents of a birth are at least so many births older, see
-    `evocity.search.schedules`; None breeds one whole generation after the other.
+    ``redraws``: how often a birth is drawn again whose child equals a parent, see
+    `evocity.search.breeding.redraws`; 0 keeps such a child. ``adapt``: weights of operators follow
+    the success of their births, by the kind of ``credit``, see `evocity.search.breeding.credit`.
+    ``births``: births of a generation; None for as many as live. ``steer``: the share of births
+    whose operator follows from what their first parent misses of the targets, see
+    `evocity.search.breeding.levers`. ``window``: parents of a birth are at least so many births
+    older, see `evocity.search.schedules`; None breeds one whole generation after the other.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True, strict=True)
@@ -123,7 +126,11 @@ class SearchSection(BaseModel):
     algorithm: AlgorithmName = DEFAULT
     picks: float = Field(0.5, gt=0, le=1)
     adapt: bool = False
+    credit: Literal["hypervolume", "archive"] = "hypervolume"
+    births: int | None = Field(None, ge=1, le=1_000_000)
+    steer: float = Field(0.0, ge=0, le=1)
     mates: float = Field(0.0, ge=0, le=1)
+    redraws: int = Field(0, ge=0, le=16)
     window: int | None = Field(None, ge=1, le=100_000)
 
     @property

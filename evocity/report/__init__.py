@@ -2,7 +2,7 @@
 
 - `html`: the page, by the template in `templates/`: its facts and its views are those of
   `evocity.analysis.page`
-- `contact_sheet`, `grid`: maps of a run on one picture
+- `sheet`, `grid`: maps of a run on one picture
 """
 
 from evocity.lazy_imports import lazy_names

@@ -6,7 +6,7 @@ from evocity.analysis.failed_births import failures as failures
 from evocity.analysis.failed_births import repeated as repeated
 from evocity.analysis.failed_births import unrecorded as unrecorded
 
-from .contact_sheet import contact_sheet as contact_sheet
 from .grid import grid_picture as grid_picture
 from .grid import run_picture as run_picture
 from .html import write_report as write_report
+from .sheet import contact_sheet as contact_sheet

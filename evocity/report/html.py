@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from markupsafe import Markup
+from PIL import Image
 
 from evocity.analysis import Aim, Individual, Run, open_run
 from evocity.analysis.export import report_write_errors, written_file
@@ -72,8 +73,13 @@ WORDS = {
 }
 
 TEMPLATES = Path(__file__).parent / "templates"
-#: Births with a picture on the page, at most; px along a picture.
-MOST_PICTURES, SIDE = 1200, 96
+#: Births with a picture on the page, at most; px along a picture; bytes of all pictures, at most.
+MOST_PICTURES, SIDE, MOST_BYTES = 1200, 96, 1_720_000
+# Ways to write the pictures, the finest first: px along a picture and the quality of WebP, None for
+# no loss; more pictures than these are never written without loss, which is slow. Sides are
+# multiples of a block of WebP, so that no picture colours its neighbour.
+_WAYS = ((SIDE, None), (SIDE, 80), (SIDE, 60), (80, 50), (64, 60), (64, 50), (64, 40))
+_MOST_EXACT = 500
 # Px along a plan and across a scene.
 _PLAN, _SCENE = 288, 560
 # The page fetches nothing and runs only our own script: a stranger's text can do neither.
@@ -164,7 +170,8 @@ def _data(page: Page) -> str:
 
 def picture_sheet(page: Page) -> Sheet:
     """Return the pictures of the page on one sheet: of the births to keep, the living and the
-    archive, and of the youngest other births whose small maps the log has."""
+    archive, and of the youngest other births whose small maps the log has. Many pictures are
+    smaller and less exact, or the last pictures are left out, so that the page stays small."""
     births = page.run.columns
     first = [card["id"] for card in page.keep] + births.ranked()[0].tolist()
     first += page.run.archive.ids.tolist() if births.has_known_goals else []
@@ -173,7 +180,21 @@ def picture_sheet(page: Page) -> Sheet:
     pictures, lacking = page.thumbnails.of(ids, SIDE)
     for one in [one for one, reason in lacking.items() if reason.startswith("ok: ")]:
         _ = Individual(births, one).city  # raises: its genome is damaged
-    return Sheet.of(pictures, lacking, "webp")
+    while True:
+        for side, quality in _WAYS:
+            if quality is None and len(pictures) > _MOST_EXACT:
+                continue
+            shown = pictures if side == SIDE else {n: _shrunk(pictures[n], side) for n in pictures}
+            sheet = Sheet.of(shown, lacking, "webp", quality)
+            if len(sheet.image) <= MOST_BYTES:
+                return sheet
+        pictures = dict(list(pictures.items())[: len(pictures) // 2])
+
+
+def _shrunk(picture: np.ndarray, side: int) -> np.ndarray:
+    """A ``picture`` of at most ``SIDE`` px, made smaller to at most ``side`` px."""
+    size = [max(1, round(n * side / SIDE)) for n in picture.shape[1::-1]]
+    return np.asarray(Image.fromarray(picture).resize(size, Image.Resampling.LANCZOS))
 
 
 def _plan(city: CityMap, highest: float) -> str:

@@ -3,12 +3,14 @@
 - `building`: `Scene`, the solids and surfaces of a map
 - `export`: files of scenes, chosen by suffix; `reprojection`: other reference systems
 - `detail`, `blocks`: levels of detail, and the walls of merged buildings
+- `detail_switch`: several zooms of one code in one file, by the distance of the viewer
 - `ground`, `noding`: streets, squares and other ground, as one coverage with the buildings
 - `objects`: buildings and lower objects by class, with their properties
 - `library`, `library_table`, `matching`, `substitution`: objects of real maps in place of buildings
 - `lines`: the lines of a city: edges of the fabric, skylines, façades, streets
 - `tiles`, `cutting`, `globe`: tiles of a scene, surfaces cut at their borders, and the place of
   tiles on the globe
+- `relief`: buildings on the ground of a surface, in CityJSON
 - `roofs`: pitched roofs by straight skeletons
 - `picture`: axonometric pictures
 

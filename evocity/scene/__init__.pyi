@@ -1,14 +1,17 @@
 from .building import Scene as Scene
 from .building import scene as scene
 from .detail import LEVELS as LEVELS
+from .detail_switch import write_levels as write_levels
 from .export import SUFFIXES as SUFFIXES
 from .export import check_suffix as check_suffix
 from .export import suffix_of as suffix_of
 from .library import Library as Library
 from .lines import fabric_edges as fabric_edges
 from .lines import facades as facades
+from .lines import picture_outline as picture_outline
 from .lines import skyline as skyline
 from .lines import street_axes as street_axes
+from .relief import write_on_relief as write_on_relief
 from .substitution import Substitution as Substitution
 from .substitution import substituted as substituted
 from .tiles import write_tiles as write_tiles

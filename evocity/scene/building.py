@@ -33,7 +33,7 @@ from evocity.scene.detail import (
     too_many,
 )
 from evocity.scene.export import UNPLACED, check_options, check_suffix, write
-from evocity.scene.ground import bare_ground, paved_ground
+from evocity.scene.ground import bare_ground, below_trees, paved_ground
 from evocity.scene.library import Library
 from evocity.scene.noding import join_nodes
 from evocity.scene.objects import Objects, check_sources, group_objects
@@ -121,6 +121,8 @@ class Scene:
             objects = raise_roofs(objects, self._size, self.storey, ridges, *own)
             if noded is not None:
                 objects = join_nodes(objects, group_objects(Objects(self.city, noded, *more)))
+        if self.streets and self.lod != "afar":
+            surfaces = below_trees(surfaces, objects)
         return detailed((*surfaces, *objects), self.lod)
 
     @property

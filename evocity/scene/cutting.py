@@ -9,6 +9,8 @@ from evocity.views.surfaces import polygons_of
 
 # Least area of a piece, m².
 _LEAST = 1e-9
+# Least distance of a point from the corners of its wall, metres: the grid of the ground.
+_APART = 0.01
 
 
 def cut_surfaces(
@@ -33,8 +35,20 @@ def cut_surfaces(
     return pieces
 
 
-def _noded(polygons: np.ndarray, across: np.ndarray, down: np.ndarray) -> np.ndarray:
-    """Add the points at which edges of the polygons cross the lines."""
+def with_crossings(
+    polygons: np.ndarray, across: Sequence[float], down: Sequence[float]
+) -> np.ndarray:
+    """Add the points to ``polygons``, objects ``(n,)``, at which their edges cross the lines: the
+    same points, bit for bit, as those of the surfaces beside them after `cut_surfaces`. A point
+    within 1 cm of a corner is left out, because shorter edges are not valid in CityJSON."""
+    return _noded(polygons, np.asarray(across, float), np.asarray(down, float), _APART)
+
+
+def _noded(
+    polygons: np.ndarray, across: np.ndarray, down: np.ndarray, apart: float = 0.0
+) -> np.ndarray:
+    """Add the points at which edges of the polygons cross the lines, if they are farther than
+    ``apart`` from the corners of the edges, metres."""
     rings, owner = shapely.get_rings(polygons, return_index=True)
     points, ring = shapely.get_coordinates(rings, return_index=True)
     if not len(points):
@@ -53,6 +67,9 @@ def _noded(polygons: np.ndarray, across: np.ndarray, down: np.ndarray) -> np.nda
             share = (line - own[:, axis]) / (end[:, axis] - own[:, axis])
             point = own + (end - own) * share[:, None]
             point[:, axis] = line
+            if apart:
+                away = np.minimum(np.hypot(*(point - own).T), np.hypot(*(end - point).T))
+                crossing, point = crossing[away > apart], point[away > apart]
             found_at.append(begin[crossing])
             found.append(point)
     at, extra = np.concatenate(found_at), np.concatenate(found)

@@ -1,6 +1,7 @@
 """The ground of a scene: streets with kerbs, squares, courts, green and water, as one coverage with
 the buildings."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -11,6 +12,7 @@ from evocity.citymap import CityMap
 from evocity.formats import Group
 from evocity.formats.kerbs import KERB
 from evocity.formats.materials import GROUND, surface_colour
+from evocity.formats.trees import form_of
 from evocity.scene.noding import without_nodes
 from evocity.views.buildings import outlines
 from evocity.views.connected_components import pieces
@@ -71,6 +73,23 @@ def paved_ground(
         made = without_nodes(cover.buildings, polygons, cover.grid)
         plain = replace(walls, polygons=tuple(made))
     return Ground(groups, noded, plain)
+
+
+def below_trees(surfaces: Sequence[Group], objects: Sequence[Group]) -> list[Group]:
+    """Return the ``surfaces`` with ground below those ``objects`` whose common shape, such as a
+    trunk, does not fill their footprint."""
+    footprints = [
+        group.polygons[[own is not None for own in group.attributes["id"]]]
+        for group in objects
+        if form_of(group) is not None and "id" in group.attributes
+    ]
+    polygons = np.concatenate([np.empty(0, object), *footprints])
+    found = []
+    for group in surfaces:
+        if group.name == "ground" and len(polygons):
+            group = _group("ground", np.concatenate([group.polygons, polygons]))
+        found.append(group)
+    return found
 
 
 def _group(kind: str, polygons: np.ndarray) -> Group:

@@ -37,12 +37,7 @@ def fabric_edges(
     """
     _check(city, reach=reach, shortest=shortest)
     pixel = city.metres_per_pixel
-    wide = math.ceil(reach / pixel) + 2
-    squared = (reach / pixel) ** 2
-    built = np.pad(city.built, wide)
-    grown = nearest_built(built)[0] <= squared
-    closed = (nearest_built(~grown)[0] > squared) | built
-    fabric = pieces(closed[wide:-wide, wide:-wide])[0]
+    fabric = pieces(_close(city.built, reach / pixel))[0]
     rings = [
         ring
         for polygon in outlines(fabric.astype(np.int32), pixel, city.north_west)
@@ -50,6 +45,37 @@ def fabric_edges(
         for ring in (part.exterior, *part.interiors)
     ]
     return _clean_lines([_between_middles(ring, pixel) for ring in rings], shortest)
+
+
+def picture_outline(dark: np.ndarray, reach: float = 0.0) -> np.ndarray:
+    """Trace the outline of the largest dark area of a picture, such as the border of a leaf.
+
+    dark : dark pixels of the picture, bool ``(H, W)``.
+    reach : half the width of the widest gap that the outline closes, in pixels.
+
+    Return a closed line, float ``(n, 2)``, in pixels from the lower left corner. The line begins
+    and ends at its lowest point, where a leaf has its stem. The outline leaves holes of the area
+    out.
+
+    Raises `MapError` for a negative ``reach``, and for a picture that is not a mask with dark
+    pixels.
+    """
+    check_number("reach", reach, 0, max(np.shape(dark), default=0), "pixels, 0 or more", MapError)
+    dark = np.asarray(dark)
+    if dark.ndim != 2 or dark.dtype != bool or not dark.any():
+        raise MapError(
+            f"the mask of dark pixels has the shape {dark.shape}, or no dark pixel",
+            "an array (H, W) of booleans with at least one true value",
+            "draw a dark shape on a light ground",
+        )
+    areas = pieces(_close(np.pad(dark, 1), reach))[0]
+    largest = np.bincount(areas[areas > 0]).argmax()
+    corner = -1.0, areas.shape[0] - 1.0
+    (polygon,) = outlines((areas == largest).astype(np.int32), 1.0, corner)
+    part = max(shapely.get_parts(polygon), key=shapely.area)
+    ring = _between_middles(part.exterior, 1.0)[:-1]
+    ring = np.roll(ring, -int(ring[:, 1].argmin()), axis=0)
+    return np.vstack([ring, ring[:1]])
 
 
 def skyline(city: CityMap, bearing: float) -> np.ndarray:
@@ -104,6 +130,15 @@ def street_axes(city: CityMap, shortest: float = SHORTEST) -> list[np.ndarray]:
         joined = shapely.line_merge(shapely.MultiLineString(list(edges[graph.street == street])))
         found += [shapely.get_coordinates(part) for part in shapely.get_parts(joined)]
     return _clean_lines(found, shortest)
+
+
+def _close(mask: np.ndarray, reach: float) -> np.ndarray:
+    """Close the gaps of a ``mask`` by a disc with the radius ``reach``, in pixels."""
+    wide = math.ceil(reach) + 2
+    padded = np.pad(mask, wide)
+    grown = nearest_built(padded)[0] <= reach**2
+    closed = (nearest_built(~grown)[0] > reach**2) | padded
+    return closed[wide:-wide, wide:-wide]
 
 
 def _between_middles(ring: shapely.LinearRing, pixel: float) -> np.ndarray:

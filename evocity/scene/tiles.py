@@ -22,9 +22,10 @@ from evocity.formats.trees import mesh_of
 from evocity.io.writers import check_place, open_output
 from evocity.scene.blocks import walls_at
 from evocity.scene.building import Scene
-from evocity.scene.cutting import cut_surfaces
+from evocity.scene.cutting import cut_surfaces, with_crossings
 from evocity.scene.detail import CITYJSON, LEVELS, Level, check_level
 from evocity.scene.globe import globe_transform
+from evocity.scene.noding import join_nodes
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -152,9 +153,15 @@ class _Grid:
         metres = self.side * self.pixel
         return self.columns * metres, self.rows * metres
 
-    def lines(self, count: int) -> list[float]:
-        """The borders of ``count`` tiles, metres from the south or the west."""
-        return [k * self.side * self.pixel for k in range(count + 1)]
+    @property
+    def across(self) -> list[float]:
+        """The borders of tiles, metres from the west."""
+        return [k * self.side * self.pixel for k in range(self.columns + 1)]
+
+    @property
+    def down(self) -> list[float]:
+        """The borders of tiles, metres from the south."""
+        return [k * self.side * self.pixel for k in range(self.rows + 1)]
 
     def number(self, y: np.ndarray, x: np.ndarray) -> np.ndarray:
         """The tile of places y px from the north and x px from the west of the map, row by row; −1
@@ -200,7 +207,7 @@ class _Writer:
         counts. ``lines``: whether to write CityJSONSeq files too."""
         scene = at_level(self.scene, level, self.apart)
         about = dataclasses.replace(self.about, lod=level.name)
-        parts = self._divided(scene.groups)
+        parts = self._divided(scene.groups, level.name)
         (self.folder / level.name).mkdir(parents=True, exist_ok=True)
         for number, place in enumerate(self.grid.places):
             groups = [group for group in parts[number] if len(group)]
@@ -234,16 +241,13 @@ class _Writer:
 
         return reproject_scene(groups, about, self.scene.city, self.target)
 
-    def _divided(self, groups: Sequence[Group]) -> list[list[Group]]:
-        """Divide the groups of a scene: the groups of each tile."""
+    def _divided(self, groups: Sequence[Group], level: str) -> list[list[Group]]:
+        """Divide the groups of a scene at a ``level``: the groups of each tile. A wall that crosses
+        a border has the point on the ground at which the surfaces beside it are cut."""
         parts: list[list[Group]] = [[] for _ in self.grid.places]
         for group in map(self._moved, groups):
             if is_surface(group):
-                pieces = cut_surfaces(
-                    group.polygons,
-                    self.grid.lines(self.grid.columns),
-                    self.grid.lines(self.grid.rows),
-                )
+                pieces = cut_surfaces(group.polygons, self.grid.across, self.grid.down)
                 for (row, column), (polygons, of) in pieces.items():
                     number = (self.grid.rows - 1 - row) * self.grid.columns + column
                     own = dataclasses.replace(group.take(of), polygons=polygons)
@@ -253,6 +257,9 @@ class _Writer:
                     parts[number].append(own)
                 continue
             tile = self._tiles(group)
+            if self.scene.streets and level != "afar" and group.copies is None:
+                feet = with_crossings(group.polygons, self.grid.across, self.grid.down)
+                (group,) = join_nodes([group], [dataclasses.replace(group, polygons=feet)])
             for number, own_parts in enumerate(parts):
                 own_parts.append(group.take(np.flatnonzero(tile == number)))
         return parts
@@ -294,10 +301,11 @@ def check_side(side: int, high: int, wide: int) -> None:
     if high < side or wide < side or high % side or wide % side:
         fits = [n for n in range(_LEAST_SIDE, min(high, wide) + 1) if not (high % n or wide % n)]
         near = min(fits, key=lambda n: abs(n - side), default=None)
+        whole = " × ".join(str(max(round(length / side), 1) * side) for length in (high, wide))
         raise MapError(
             f"tiles of {side} px do not divide the map of {high} × {wide} px",
             "a side that divides the height and the width of the map",
-            f"choose tiles of {near} px" if near else "cut the map to a size that has divisors",
+            f"choose tiles of {near} px" if near else f"choose a map of {whole} px",
         )
 
 
@@ -379,9 +387,9 @@ def check_tiles_folder(
             wrong = [] if settings is None else _differing(made, settings)
         except (OSError, ValueError, LookupError, TypeError, AttributeError):
             held, wrong = "unknown", []
-        if wrong:
+        if wrong and made and settings:
             what = f"tiles of another fabric, which differs in {', '.join(wrong)}"
-        elif fabric is not None and held != fabric:
+        elif wrong or (fabric is not None and held != fabric):
             what = "tiles of another fabric, or tiles with other options"
     elif any(path.name not in LEVELS for path in folder.iterdir()):
         what = "other files"

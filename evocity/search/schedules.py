@@ -27,6 +27,8 @@ from evocity.store import Birth, RunLog
 
 #: The share of births that is replayed.
 RATE = 0.001
+# Births whose mean says how long an operator takes.
+_OF_LATE = 16
 
 
 class WholeGenerations:
@@ -148,31 +150,49 @@ class ReplayCheck:
     pairs that differ. A pair of which one hung or died is not compared."""
 
     def __init__(self, prepared: Prepared, event: Callable[..., None]):
-        self._run, self._aims, self._event = prepared.recipe.run, prepared.aims, event
+        recipe, self._aims, self._event = prepared.recipe, prepared.aims, event
+        self._seed, self._size = recipe.run.seed, recipe.generation_size
         self._chosen: tuple[int, frozenset[int]] = -1, frozenset()
         self._twins: dict[int, BirthPlan] = {}
         self._pairs: dict[int, dict[bool, Offspring]] = {}  # id -> the birth (False), its twin
+        self._seconds: dict[str, float] = {}  # operator -> seconds of a birth
 
     def stream(self, engine: Engine, plans: Iterator[BirthPlan | None]) -> Iterator[Offspring]:
         """Do as `evocity.search.breeding.births.stream_offspring`, and keep the twins."""
         for child in stream_offspring(engine, self._with_twins(plans)):
-            is_twin = self._twins.get(child.plan.id) is child.plan
+            is_twin = self._twins.get(child.plan.id) is child.plan.first
             if child.plan.id in self._twins:
                 self._compare(child, is_twin)
             if not is_twin:
                 yield child
 
     def breed_and_evaluate(self, engine: Engine, plans: list[BirthPlan]) -> list[Offspring]:
-        """Breed and evaluate all ``plans``, and keep the twins; the result has their order."""
-        done = {child.plan.id: child for child in self.stream(engine, iter(plans))}
+        """Breed and evaluate all ``plans``, and keep the twins; the result has their order. Workers
+        begin with the births that probably take longest, so that none waits long for the last."""
+        order = plans if engine.size < 2 else sorted(plans, key=self._expected_seconds)
+        done = {}
+        for child in self.stream(engine, iter(order)):
+            done[child.plan.id] = child
+            self._learn_seconds(child)
+            if child.breeding.genome is not None:
+                _ = child.breeding.genome.digest  # selection needs it while all workers wait
         return [done[plan.id] for plan in plans]
+
+    def _expected_seconds(self, plan: BirthPlan) -> float:
+        """Return the seconds that births of the operator took of late, times −1."""
+        return -self._seconds.get(plan.name, 0.0)
+
+    def _learn_seconds(self, child: Offspring) -> None:
+        seconds = (child.evaluation or child.breeding).seconds
+        known = self._seconds.get(child.plan.name, seconds)
+        self._seconds[child.plan.name] = known + (seconds - known) / _OF_LATE
 
     def is_chosen(self, identifier: int) -> bool:
         """Whether a birth is replayed: a generator of its generation decides."""
-        generation, slot = divmod(identifier, self._run.population)
+        generation, slot = divmod(identifier, self._size)
         if self._chosen[0] != generation:
-            rng = birth_generator(self._run.seed, generation, 0, 1)
-            drawn = rng.random(self._run.population)
+            rng = birth_generator(self._seed, generation, 0, 1)
+            drawn = rng.random(self._size)
             self._chosen = generation, frozenset(np.flatnonzero(drawn < RATE).tolist())
         return slot in self._chosen[1]
 
@@ -192,7 +212,7 @@ class ReplayCheck:
         if len(pair) < 2:
             return
         del self._pairs[child.plan.id], self._twins[child.plan.id]
-        generation = child.plan.id // self._run.population
+        generation = child.plan.id // self._size
         then, now = (pair[twin].birth(generation, self._aims) for twin in (False, True))
         if {then.status, now.status}.isdisjoint(LOST) and (found := differences(then, now)):
             differs = json_differences(found)

@@ -36,6 +36,18 @@ def resembles(look, others, step, most):
 
 
 @kernel
+def count_differences(looks, step, counts):
+    """Count for each two of the ``looks`` (n, cells) the cells that differ by more than ``step``;
+    the result goes to ``counts`` (n, n)."""
+    for i in range(len(looks)):
+        for k in range(i):
+            one, two, differ = looks[i], looks[k], 0
+            for j in range(one.size):
+                differ += np.int32(abs(np.int32(one[j]) - np.int32(two[j])) > step)
+            counts[i, k] = counts[k, i] = differ
+
+
+@kernel
 def first_apart(looks, step, mosts, count):
     """Select at most ``count`` of the ``looks`` (n, cells) by their indices. For each of the
     ``mosts`` (k,) in turn, it takes every look that differs by more than ``step`` in more cells

@@ -77,6 +77,26 @@ def volume_is_quick(points: int, losses: int) -> bool:
     return losses < min(MOST_POINTS) or points <= MOST_POINTS.get(losses, _MOST_POINTS_OF_MORE)
 
 
+def volumes_are_quick(points: int, losses: int) -> bool:
+    """Whether fifty exact hypervolumes of so many ``points`` take only a second or two."""
+    return volume_is_quick(50 * points, losses)
+
+
+class Gain:
+    """Hypervolume that a point adds to others, in units of the ranges of a ``first`` sample."""
+
+    def __init__(self, first: np.ndarray):
+        self._scale = Scale(first)
+
+    def __call__(self, losses: np.ndarray, point: np.ndarray) -> float:
+        """Compute what a ``point`` (m,) adds to ``(n, m)`` losses; 0 if this is not finite."""
+        from evocity.selection.backends import moocore
+
+        scaled = self._scale(point[None])[0]
+        added = moocore.gained(self._scale(losses), self._scale.reference, scaled)
+        return added if np.isfinite(added) else 0.0
+
+
 class Hypervolume:
     """Hypervolume in units of the first population's ranges, up to 10 % beyond its worst."""
 

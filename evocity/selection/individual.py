@@ -16,7 +16,8 @@ class Individual:
     the algorithm gives to the individual, by name. The attribute ``plan`` names the plan of
     streets; individuals with the same plan have the same name. The attribute `plan` is None if the
     plan is unknown, or if the run has no niches of plans. The attribute ``changed`` tells whether
-    the plan of streets differs from the plans of all source cities."""
+    the plan of streets differs from the plans of all source cities. The attribute ``founder`` tells
+    whether the individual is a source city itself."""
 
     id: int
     genome: Genome = field(repr=False)
@@ -27,3 +28,4 @@ class Individual:
     marks: Mapping[str, float] = field(default_factory=dict)
     plan: str | None = None
     changed: bool = False
+    founder: bool = False

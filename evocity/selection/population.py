@@ -137,7 +137,10 @@ class Population:
         losses, violation = self._aims.losses(values), self._aims.violation(values)
         genome, plan_of = born.genome, self._plan_of
         plan, changed = (None, False) if plan_of is None else plan_of(genome)
-        return Individual(born.id, genome, values, losses, violation, plan=plan, changed=changed)
+        founder = born.founder if isinstance(born, Individual) else born.operator == "source"
+        return Individual(
+            born.id, genome, values, losses, violation, plan=plan, changed=changed, founder=founder
+        )
 
     def _look(self, one: Individual) -> np.ndarray:
         if one.id not in self._looks:

@@ -6,7 +6,7 @@ from itertools import combinations
 import numpy as np
 
 from evocity.citymap import CityMap
-from evocity.selection._kernels import first_apart, resembles
+from evocity.selection._kernels import count_differences, first_apart, resembles
 
 #: The most cells along each axis.
 SIDE = 64
@@ -37,6 +37,14 @@ def decimetres(heights: np.ndarray) -> np.ndarray:
 def alike(look: np.ndarray, others: np.ndarray, apart: float) -> bool:
     """Whether a ``look`` (n,) resembles one of ``others`` (k, n), up to the share ``apart``."""
     return resembles(look, others, round(STOREY / _UNIT), int(apart * look.size))
+
+
+def differences(looks: np.ndarray) -> np.ndarray:
+    """Count the cells in which each two of the ``looks`` (k, n) differ by more than a storey: int64
+    ``(k, k)``."""
+    counts = np.zeros((len(looks), len(looks)), np.int64)
+    count_differences(looks, round(STOREY / _UNIT), counts)
+    return counts
 
 
 def distinct_first(looks: Sequence[np.ndarray], apart: float, count: int) -> np.ndarray:

@@ -9,12 +9,16 @@
 - `dimension`: exact dimensions, and by counting boxes
 - `rendering`: masks, pictures, SVG, solids in GLB
 - `colours`: palettes for other forms, colours stolen from a picture
+- `joint_colours`: maps that mix places and colours
+- `deformation`: polynomial deformation of shapes
 - `classics`: well-known shapes
 - `curve`: curves of few control points, such as Bézier curves and splines
 - `detail`: a line as a curve with details, level by level: `Detailed`
 - `filters`: analysis of a polygon into parts and details, and synthesis
 - `curve_fit`: maps fitted to a line
 - `lines`: checks, resampling and crossings of polylines
+- `surface`: surfaces of few control points; `surface_detail`, `surface_fit`, `surface_files`:
+  height maps of ground as surfaces with details, their fit and their files
 - `wires`: a segment replaced by a line, iterated; metamorphosis
 - `files`: shapes and curves in files, JSON and Parquet
 - `linear`: small matrices

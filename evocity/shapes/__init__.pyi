@@ -7,7 +7,11 @@ from .colours import stolen as stolen
 from .contraction import Contraction as Contraction
 from .curve import Curve as Curve
 from .curve_fit import fit_curve as fit_curve
+from .curve_fit import polynomial_maps as polynomial_maps
 from .curve_fit import rms_of as rms_of
+from .deformation import Deformation as Deformation
+from .deformation import deform as deform
+from .deformation import monomials as monomials
 from .detail import Detailed as Detailed
 from .dimension import Boxes as Boxes
 from .dimension import box_dimension as box_dimension
@@ -19,6 +23,7 @@ from .files import read_curve as read_curve
 from .files import read_shape as read_shape
 from .files import write_curve as write_curve
 from .files import write_shape as write_shape
+from .joint_colours import joint_picture as joint_picture
 from .languages import Language as Language
 from .languages import ShapeError as ShapeError
 from .lines import crossing_of as crossing_of
@@ -29,9 +34,17 @@ from .rendering import glb_of as glb_of
 from .rendering import line_picture as line_picture
 from .rendering import mask_of as mask_of
 from .rendering import picture_of as picture_of
+from .rendering import position_colours as position_colours
 from .rendering import svg_of as svg_of
 from .shape import Pieces as Pieces
 from .shape import Shape as Shape
+from .surface import Surface as Surface
+from .surface_detail import DetailedSurface as DetailedSurface
+from .surface_files import StoredSurface as StoredSurface
+from .surface_files import read_surface as read_surface
+from .surface_files import write_surface as write_surface
+from .surface_fit import fit_surface as fit_surface
+from .surface_fit import surface_rms as surface_rms
 from .wires import Metamorphosis as Metamorphosis
 from .wires import metamorphosis as metamorphosis
 from .wires import wire as wire

@@ -192,3 +192,49 @@ def played(maps, backwards, edges, chances, latest, draws, found):
             found[count] = moved
             count += 1
     return count
+
+
+@kernel
+def fill_faces(points, faces, colours, pixels):
+    """Fill ``pixels`` (side, side, 3) with the ``faces`` (f, 3) of pieces, later over earlier.
+
+    ``points`` (n, k, 2) are in px, x to the right, y down; ``colours`` (n, 3) uint8. A triangle
+    fills the pixels whose middles lie in it or on its edges. A piece that fills none marks the
+    pixels along the edges of its faces.
+    """
+    side = pixels.shape[0]
+    for n in range(points.shape[0]):
+        filled = False
+        for f in range(faces.shape[0]):
+            ax, ay = points[n, faces[f, 0]]
+            bx, by = points[n, faces[f, 1]]
+            cx, cy = points[n, faces[f, 2]]
+            if (bx - ax) * (cy - ay) == (by - ay) * (cx - ax):
+                continue  # flat
+            top = max(int(np.ceil(min(ay, by, cy) - 0.5)), 0)
+            bottom = min(int(np.floor(max(ay, by, cy) - 0.5)), side - 1)
+            left = max(int(np.ceil(min(ax, bx, cx) - 0.5)), 0)
+            right = min(int(np.floor(max(ax, bx, cx) - 0.5)), side - 1)
+            for i in range(top, bottom + 1):
+                for j in range(left, right + 1):
+                    y, x = i + 0.5, j + 0.5
+                    u = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
+                    v = (cx - bx) * (y - by) - (cy - by) * (x - bx)
+                    w = (ax - cx) * (y - cy) - (ay - cy) * (x - cx)
+                    if (u >= 0 and v >= 0 and w >= 0) or (u <= 0 and v <= 0 and w <= 0):
+                        filled = True
+                        for c in range(3):
+                            pixels[i, j, c] = colours[n, c]
+        if filled:
+            continue
+        for f in range(faces.shape[0]):
+            for k in range(3):
+                ax, ay = points[n, faces[f, k]]
+                bx, by = points[n, faces[f, (k + 1) % 3]]
+                steps = int(2 * max(abs(bx - ax), abs(by - ay))) + 1
+                for step in range(steps + 1):
+                    j = int(np.floor(ax + (bx - ax) * step / steps))
+                    i = int(np.floor(ay + (by - ay) * step / steps))
+                    if 0 <= i < side and 0 <= j < side:
+                        for c in range(3):
+                            pixels[i, j, c] = colours[n, c]

@@ -77,8 +77,26 @@ def fit_curve(
     count = point_count(points, maps, depth, True)
     if len(line) != count:
         line = resampled(line, count)
+    fitted = fit_maps(line, points, maps, depth, drawn, starts, rng, rounds)
+    return Detailed.of(line, fitted, depth, shared=True)
+
+
+def fit_maps(
+    line: np.ndarray,
+    points: int,
+    maps: int,
+    depth: int,
+    drawn: int,
+    starts: int,
+    rng: np.random.Generator | None,
+    rounds: int,
+    is_sampled: bool = False,
+) -> np.ndarray:
+    """Fit maps ``(N, n, n)`` to a ``line`` ``(M, d)`` of any dimension d, as `fit_curve` does. With
+    ``is_sampled``, the first start draws polynomials through the points of the line, instead of
+    those whose control points they are."""
     extent = max(float(np.ptp(line, axis=0).max()), 1e-300)
-    model = _Model((line - line[0]) / extent, points, maps, depth, drawn)
+    model = _Model((line - line[0]) / extent, points, maps, depth, drawn, is_sampled)
     rng = np.random.default_rng(0) if rng is None else rng
     best: tuple[float, np.ndarray] | None = None
     undecided: tuple[float, np.ndarray] | None = None
@@ -94,7 +112,7 @@ def fit_curve(
             best = error, fitted
         elif not bounds.refuted and (undecided is None or error < undecided[0]):
             undecided = error, fitted
-        if best is not None and best[0] < 1e-24 * count:
+        if best is not None and best[0] < 1e-24 * len(line):
             break  # an exact fit
     chosen = best or undecided
     if chosen is None:
@@ -104,7 +122,7 @@ def fit_curve(
             "at least one start whose fitted maps contract",
             "increase the number of starts, or choose fewer control points",
         )
-    return Detailed.of(line, chosen[1], depth, shared=True)
+    return chosen[1]
 
 
 def rms_of(detailed: Detailed, levels: int) -> float:
@@ -124,6 +142,18 @@ def bezier_maps(points: int, maps: int) -> np.ndarray:
             for end in [cuts[part]] * (degree - j) + [cuts[part + 1]] * j:
                 row = np.append(row * (1 - end), 0.0) + np.append(0.0, row * end)
             parts[part, :, j] = row
+    return parts
+
+
+def polynomial_maps(points: int, maps: int) -> np.ndarray:
+    """Make the maps, float ``(N, n, n)``, of a polynomial in N equal parts that passes through its
+    n control ``points`` in equal steps (Lagrange)."""
+    at = np.arange(points) / (points - 1)
+    places = (np.arange(maps)[:, None] + at) / maps
+    parts = np.ones((maps, points, points))
+    for i in range(points):
+        for j in np.delete(np.arange(points), i):
+            parts[:, i] *= (places - at[j]) / (at[i] - at[j])
     return parts
 
 
@@ -156,11 +186,13 @@ class _Model:
     parts: int
     depth: int
     drawn: int
+    is_sampled: bool = False
 
     def __post_init__(self):
         size, parts = self.size, self.parts
         self.step = size - 1
-        self.rest = 2 * (len(self.line) - 2)
+        self.size_of_point = self.line.shape[1]
+        self.rest = self.size_of_point * (len(self.line) - 2)
         # free columns: all but the ends of the whole; two maps share the column of a joint
         columns = parts * self.step - 1
         where = windows(parts, size, True) - 1
@@ -188,7 +220,8 @@ class _Model:
         """Choose the numbers of a Bézier curve's maps; with ``rng``, random ones about a straight
         line's."""
         if rng is None:
-            maps = bezier_maps(self.size, self.parts)
+            made = polynomial_maps if self.is_sampled else bezier_maps
+            maps = made(self.size, self.parts)
         else:
             at = np.arange(self.size) / self.step
             places = (np.arange(self.parts)[:, None] + at) / self.parts * self.step
@@ -211,11 +244,11 @@ class _Model:
         change = self._changes(maps)
         blocks = points[windows(self.cells, self.size, True)]
         moved = np.einsum("cnd,pnk->pckd", blocks, change)
-        lines = np.zeros((self.unknown, len(self.line), 2))
+        lines = np.zeros((self.unknown, *self.line.shape))
         lines[:, windows(self.cells, self.width, True)] = moved
         flat = lines.transpose(1, 0, 2).reshape(len(self.line), -1)
         flat = flat - self._spread(whole, self._solve(whole, diagonals, flat))
-        body = -flat[1:-1].reshape(-1, self.unknown, 2).transpose(0, 2, 1)
+        body = -flat[1:-1].reshape(-1, self.unknown, self.size_of_point).transpose(0, 2, 1)
         return np.vstack([body.reshape(self.rest, self.unknown), self._penalty_slopes(maps, penal)])
 
     def _evaluate(self, numbers: np.ndarray) -> tuple:
@@ -229,13 +262,13 @@ class _Model:
                 products = self._products(maps)
             if not (np.isfinite(whole).all() and np.abs(whole).max() < 1e6):
                 bad = np.full(self.rest + len(products), 1e3)
-                zero = np.zeros((self.step * self.cells + 1, 2))
+                zero = np.zeros((self.step * self.cells + 1, self.size_of_point))
                 safe = self.maps_of(self.start(None))
                 self.seen = key, (bad, safe, self._whole(safe), zero, None, None)
                 return self.seen[1]
             normal = np.einsum("ik,k,jk->ij", whole, self._shares, whole)
             diagonals = banded(normal, self.cells)
-            ends = np.zeros((self.step * self.cells + 1, 2))
+            ends = np.zeros((self.step * self.cells + 1, self.size_of_point))
             ends[[0, -1]] = self.line[[0, -1]]
             off = self.line - self._spread(whole, ends)
             points = self._solve(whole, diagonals, off)

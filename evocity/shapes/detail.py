@@ -291,10 +291,10 @@ def _depth_for(count: int, parts: int, size: int, shared: bool) -> int:
             break
     near = point_count(size, parts, depth, shared)
     raise ShapeError(
-        f"no depth gives a line of {count} points",
+        f"a line of {count} points fits no depth",
         f"{'(n - 1) N^depth + 1' if shared else 'n N^depth'} points for n = {size} control points "
         f"and N = {parts} affine maps, for example {near}",
-        f"resample the line: choose {setting('depth', depth)}",
+        f"resample the line to {near} points, and choose {setting('depth', depth)}",
     )
 
 

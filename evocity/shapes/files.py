@@ -124,20 +124,22 @@ def read_curve(path: str | os.PathLike) -> StoredCurve:
 
 
 def _read(path: str | os.PathLike, kind: str, made):
-    return _parse(read_document(path), os.fspath(path), kind, made)
+    return parse_document(read_document(path), os.fspath(path), kind, made)
 
 
 def parse_shape(document: dict, name: str) -> Shape:
     """Make a shape from a ``document`` of `write_shape`; ``name`` is its name in messages."""
-    return _parse(document, name, "shape", _shape_of)
+    return parse_document(document, name, "shape", _shape_of)
 
 
 def parse_curve(document: dict, name: str) -> StoredCurve:
     """Make a curve from a ``document`` of `write_curve`; ``name`` is its name in messages."""
-    return _parse(document, name, "curve", _curve_of)
+    return parse_document(document, name, "curve", _curve_of)
 
 
-def _parse(document: dict, path: str, kind: str, made):
+def parse_document(document: dict, path: str, kind: str, made):
+    """Make an object from a ``document`` by the function ``made``; raises `ShapeError` unless it is
+    of the ``kind``."""
     if document.get("evocity") != kind:
         raise ShapeError(
             f"the document in {path} is not a {kind}",

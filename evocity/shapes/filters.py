@@ -70,16 +70,16 @@ class Filter:
         return polygons, details
 
     def update(self, details: np.ndarray) -> np.ndarray:
-        """Compute how far the points ``((n - 1) c + 1,)`` of c polygons with shared ends must move
-        to be nearest to all parts together, instead of each polygon to its own parts with fixed
-        ends. The ends of the whole line stay."""
+        """Compute how far the points ``((n - 1) c + 1, …)`` of c polygons with shared ends must
+        move to be nearest to all parts together, instead of each polygon to its own parts with
+        fixed ends. The ends of the whole line stay. Details ``(c, m, …)`` may have further axes."""
         count, size = len(details), len(self.whole)
         step = size - 1
-        moves = np.zeros(step * count + 1, details.dtype)
+        moves = np.zeros((step * count + 1, *details.shape[2:]), details.dtype)
         if count == 1 or not details.size:
             return moves
         ends = np.einsum("mk,kl,el->me", self.detail, self.weights, self.whole[[0, -1]])
-        pulls = np.einsum("cm,me->ce", details, ends)
+        pulls = np.einsum("cm...,me->ce...", details, ends)
         right = np.zeros_like(moves)
         right[:-1:step] += pulls[:, 0]
         right[step::step] += pulls[:, 1]

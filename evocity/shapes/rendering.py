@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from PIL import Image, ImageDraw
 
-from evocity.errors import setting
+from evocity.errors import check_word, setting
 from evocity.formats.gltf import glb
 from evocity.formats.solids import WALL, About, Mesh
+from evocity.shapes._kernels import fill_faces
 from evocity.shapes.checks import check_range
 from evocity.shapes.languages import ShapeError
 from evocity.shapes.linear import determinants
@@ -20,6 +21,8 @@ from evocity.shapes.shape import MOST_PIECES, Pieces, Shape
 MOST_TRIANGLES = 2_000_000
 #: The largest side of a picture, px.
 MOST_SIDE = 8192
+#: Sources of the colours of solids.
+PAINTS = ("maps", "position")
 _INK, _GREY, _PAPER = (31, 41, 51), (170, 178, 189), (255, 255, 255)
 _MATERIAL = (0.75, 0.75, 0.72)
 
@@ -114,18 +117,36 @@ def picture_of(
     return Image.fromarray(pixels)
 
 
+def inked(frame: Frame, points: np.ndarray, colours: np.ndarray) -> Image.Image:
+    """Mark the cells of ``points`` ``(n, 2)`` in their ``colours`` ``(n, 3)``, 0…1, or in ink for
+    ``(n, 0)``; later points cover earlier ones."""
+    cells = frame.cells(points)
+    flat = cells[:, 0] * frame.side + cells[:, 1]
+    last = len(flat) - 1 - np.unique(flat[::-1], return_index=True)[1]
+    pixels = np.full((frame.side * frame.side, 3), _PAPER, np.uint8)
+    pixels[flat[last]] = np.round(colours[last] * 255) if colours.shape[1] else _INK
+    return Image.fromarray(pixels.reshape(frame.side, frame.side, 3))
+
+
 def _paint(pieces: Pieces, frame: Frame) -> Image.Image:
-    image = Image.new("RGB", (frame.side, frame.side), _PAPER)
-    draw = ImageDraw.Draw(image)
+    """Paint pieces in their order. A face fills the pixels whose middles it holds; a piece that
+    holds no middle marks the pixels along its edges."""
     primitive = pieces.primitive
     placed = frame.to_pixels(pieces.points)
     placed[..., 1] = frame.side - placed[..., 1]
+    if len(primitive.faces):
+        pixels = np.full((frame.side, frame.side, 3), _PAPER, np.uint8)
+        fill_faces(
+            np.ascontiguousarray(placed), primitive.faces, np.ascontiguousarray(_colours(pieces)),
+            pixels,
+        )  # fmt: skip
+        return Image.fromarray(pixels)
+    image = Image.new("RGB", (frame.side, frame.side), _PAPER)
+    draw = ImageDraw.Draw(image)
     for points, colour in zip(placed, map(tuple, _colours(pieces).tolist()), strict=True):
-        for face in primitive.faces:
-            draw.polygon([tuple(points[k]) for k in face], fill=colour, outline=colour)
         for start, end in primitive.lines:
             draw.line([tuple(points[start]), tuple(points[end])], fill=colour)
-        if not len(primitive.faces) and not len(primitive.lines):
+        if not len(primitive.lines):
             draw.point([tuple(point) for point in points], fill=colour)
     return image
 
@@ -238,11 +259,38 @@ class _ColourGroup:
         return len(self.heights)
 
 
+def position_colours(shape: Shape, points: np.ndarray) -> np.ndarray:
+    """Take the position of ``points`` ``(…, m)`` as colour: red x, green y, blue z, or 0 in the
+    plane. The attractor of the pairs (T_i, T_i) is {(p, p)} (Tosan, Excoffier, Rondet-Mignotte
+    2005, §5.3).
+
+    Raises `ShapeError` if the shape's box is not within 0…1.
+    """
+    if shape.box.min() < -1e-6 or shape.box.max() > 1 + 1e-6:
+        low, high = (", ".join(f"{one:.3g}" for one in end) for end in shape.box)
+        raise ShapeError(
+            f"the shape lies from ({low}) to ({high})",
+            "a shape with coordinates from 0 to 1, because its positions are colours",
+            "move the shape into the unit cube: shape.moved(matrix)",
+        )
+    colours = np.zeros((*points.shape[:-1], 3))
+    colours[..., : shape.size] = np.clip(points, 0, 1)
+    return colours
+
+
 def glb_of(
-    shape: Shape, depth: int | None = None, pixel: float | None = None, name: str = "shape"
+    shape: Shape,
+    depth: int | None = None,
+    pixel: float | None = None,
+    name: str = "shape",
+    paint: str = "maps",
 ) -> bytes:
     """Return the bytes of a ``.glb`` file with the pieces of a shape, with z upwards and a mesh for
     each colour.
+
+    With ``paint`` = "maps", a piece has the colours of its word. With "position", red, green and
+    blue are the coordinates x, y and z of the piece's middle, in steps of a sixteenth; the shape
+    must lie within 0…1 (Tosan, Excoffier, Rondet-Mignotte 2005, §5.3).
 
     Give either ``depth`` or ``pixel``, not both, as in `Shape.pieces`. Two-dimensional shapes lie
     on the ground. Raises `ShapeError` for a primitive without faces, for more than `MOST_TRIANGLES`
@@ -267,7 +315,12 @@ def glb_of(
         points = np.concatenate([points, np.zeros((*points.shape[:2], 1))], axis=2)
     mirrored = determinants(pieces.maps[:, :, : shape.size]) < 0
     turned = np.where(mirrored[:, None, None], faces[None, :, ::-1], faces[None])
+    check_word("paint", paint, PAINTS, "leave it out for the colours of maps", ShapeError)
     colours = pieces.colours if pieces.colours.shape[1] else np.tile(_MATERIAL, (len(pieces), 1))
+    if paint == "position":
+        ends = pieces.points.min(axis=1), pieces.points.max(axis=1)
+        colours = position_colours(shape, (ends[0] + ends[1]) / 2)
+        colours = (np.floor(np.minimum(colours * 16, 15)) + 0.5) / 16
     rounded = np.round(colours, 3)
     groups = []
     for number, colour in enumerate(np.unique(rounded, axis=0).tolist()):

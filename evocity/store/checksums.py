@@ -29,6 +29,8 @@ _TAIL, _TEXT = 1 << 14, b"\x18"
 _WORDS = ("operator", "status", "island")
 # A short list of whole numbers.
 _FEW = "parents"
+# Lists of whole numbers, the next mostly a little above the one before; and of distinct numbers.
+_STEPS, _DISTINCT = "source", "sigma"
 # Files without a seal that a child process has read, and their most.
 _tried: set[tuple[int, ...]] = set()
 _MOST_TRIED = 1 << 16
@@ -38,19 +40,27 @@ def packing_of(schema: pa.Schema) -> dict:
     """Return arguments of `pyarrow.parquet.ParquetWriter` for the columns of a ``schema``.
 
     Lists, bytes and texts are compressed. Columns of one number or word per row are too small for
-    that, and have statistics, by which rows are searched. Whole numbers are written as differences.
-    Other numbers are mostly distinct, so they have no dictionary. Raises TypeError for a struct.
+    that, and have statistics, by which rows are searched. Whole numbers are written as differences,
+    and so are places in a source city, which mostly follow one another. Other numbers are mostly
+    distinct, so they have no dictionary, and neither has σ. Raises TypeError for a struct.
     """
     leaves = {one.name: _leaf(one) for one in schema}
     single = {one.name for one in schema if one.name in _WORDS or pa.types.is_primitive(one.type)}
     whole = {one.name for one in schema if _is_whole(one)}
     packed = [leaf for name, leaf in leaves.items() if name not in single | whole]
+    steps = {leaves[one.name] for one in schema if _is_steps(one)}
+    plain = {leaf for leaf in packed if leaf.startswith(f"{_DISTINCT}.")}
     return {
         "compression": dict.fromkeys(leaves.values(), "none") | dict.fromkeys(packed, "zstd"),
         "compression_level": dict.fromkeys(packed, 3),
         "write_statistics": sorted(single),
-        "use_dictionary": [*packed, *(name for name in _WORDS if name in single)],
-        "column_encoding": {leaves[name]: "DELTA_BINARY_PACKED" for name in whole},
+        "use_dictionary": [
+            *(leaf for leaf in packed if leaf not in steps | plain),
+            *(name for name in _WORDS if name in single),
+        ],
+        "column_encoding": dict.fromkeys(
+            [*(leaves[name] for name in whole), *steps], "DELTA_BINARY_PACKED"
+        ),
         "write_page_checksum": True,
     }
 
@@ -59,6 +69,10 @@ def _is_whole(one: pa.Field) -> bool:
     if one.name == _FEW and pa.types.is_list(one.type):
         return pa.types.is_integer(one.type.value_type)
     return pa.types.is_integer(one.type)
+
+
+def _is_steps(one: pa.Field) -> bool:
+    return one.name == _STEPS and pa.types.is_list(one.type) and one.type.value_type == pa.int32()
 
 
 def _leaf(one: pa.Field) -> str:

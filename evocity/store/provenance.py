@@ -18,7 +18,17 @@ from evocity import __version__
 from evocity.citymap import CityMap
 from evocity.store.run_directory import RunDirectory
 
-_LIBRARIES = ("numpy", "scipy", "numba", "deap", "moocore", "nlopt", "pyarrow", "pydantic")
+_LIBRARIES = (
+    "numpy",
+    "scipy",
+    "numba",
+    "deap",
+    "moocore",
+    "nlopt",
+    "pyarrow",
+    "pydantic",
+    "scikit-image",
+)
 
 # The types of what readers take from provenance.json, where a run has it.
 _PARTS = {

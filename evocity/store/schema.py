@@ -34,9 +34,10 @@ from evocity.store.thumbnails import LONGEST, Thumbnails, thumbnail_columns, thu
 #: blocks of many sides, lists of any length, a kind of chromosome, and settled roofs or not. 4 has
 #: recorded measures. 5 has other marks of the living than crowding distance. 6 has figures of all
 #: the living. 7 has islands. 8 leaves genomes out. 9 has other kinds of chromosomes than fabric.
-#: 10 has thumbnails, and lists without nulls. 11 settles roofs, not whole buildings.
+#: 10 has thumbnails, and lists without nulls. 11 settles roofs, not whole buildings. 12 counts no
+#: locked pixels in the shares of source cities.
 #: New runs without these are written as 3; a run of an older release goes on as it began.
-SCHEMA_VERSIONS = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11)
+SCHEMA_VERSIONS = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12)
 
 #: How a birth can end. Only `ok` individuals may live, breed or be best. `invalid`: a measure has
 #: no finite value; `died`: the worker ended early; `memory`: the birth took too much memory.
@@ -67,6 +68,7 @@ def _no_column(names: tuple[str, ...]) -> tuple[str, ...]:
 CROWDING = ("crowding",)
 # The first version that has each part of a header, unless the part has its default.
 _SINCE = {"recorded": 4, "marks": 5, "figures": 6, "islands": 7, "genomes": 8, "thumbnails": 10}
+_SINCE |= {"shares": 12}
 
 _Side = Annotated[int, Field(ge=1, le=MAX_PIXELS)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -89,7 +91,8 @@ class Header:
     membership then have a column ``island``, marks are those of all islands, and the summary has
     each island's figures. ``genomes``: the births whose genomes the log keeps, see
     `evocity.search.breeding.omitted_genomes`. ``thumbnails``: how small maps of births are made,
-    None if the log has none.
+    None if the log has none. ``shares``: whether `smallest_share` counts "all" pixels, as in older
+    runs, or only those that are "free", that is not locked.
     """
 
     height: _Side
@@ -114,6 +117,7 @@ class Header:
     islands: _Names = ()
     genomes: Literal[GENOMES] = "all"
     thumbnails: Thumbnails | None = None
+    shares: Literal["all", "free"] = "all"
 
     __pydantic_config__ = STRICT
 

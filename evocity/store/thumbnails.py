@@ -14,6 +14,8 @@ from evocity.citymap import MAX_SIDE, CityMap
 #: decode as fast.
 LONGEST = 128
 
+# The most rows that are summed one after the other.
+_FEW = 8
 _STEPS = 255  # of heights
 
 
@@ -45,7 +47,7 @@ class Thumbnails:
         for axis, size in enumerate(city.shape):
             starts = np.arange(0, size, self.pixels)
             counts = np.diff(starts, append=size).astype(np.float32)
-            sums = np.add.reduceat(means, starts, axis=axis)
+            sums = _sums(means, self.pixels, axis)
             means = sums / (counts[:, None] if axis == 0 else counts)
         steps = np.rint(np.minimum(means / np.float32(self.metres), 1) * np.float32(_STEPS))
         return steps.astype(np.uint8).tobytes()
@@ -55,6 +57,20 @@ class Thumbnails:
         steps = np.frombuffer(content, np.uint8).reshape(self.shape(height, width))
         heights = steps * np.float32(self.metres / _STEPS)
         return CityMap(heights, metres_per_pixel * self.pixels)
+
+
+def _sums(values: np.ndarray, step: int, axis: int) -> np.ndarray:
+    """Sum every ``step`` rows (axis 0) or columns (axis 1), and those left over, with the bits of
+    `np.add.reduceat`, which is slow on few."""
+    size = values.shape[axis]
+    if step > _FEW or size % step:
+        return np.add.reduceat(values, np.arange(0, size, step), axis=axis)
+    lines = values if axis == 0 else values.T
+    rest = lines[1::step].copy()  # numpy sums all but the first before
+    for k in range(2, step):
+        rest += lines[k::step]
+    sums = lines[0::step] + rest
+    return sums if axis == 0 else sums.T
 
 
 def thumbnail_fields(header) -> list[tuple[str, pa.DataType]]:

@@ -39,7 +39,7 @@ def workers_of(run: RunLog) -> tuple[Workers, dict[str, str]]:
                 recipe = prepared.recipe
                 sent = shipped([*recipe.measures, *recipe.recorded])
             compile_once(block_sides(recipe, prepared), kernel_parts(recipe), _silent)
-            return start_engine(prepared, Crew(count), sent, _silent, _silent), {}
+            return _prompt(start_engine(prepared, Crew(count), sent, _silent, _silent)), {}
         except EvocityError as error:
             reason = f"the run cannot be prepared again: {error.found}"
     return _workers_of_other_run(run, count, reason)
@@ -64,7 +64,13 @@ def _workers_of_other_run(run: RunLog, count: int, reason: str) -> tuple[Workers
         sources=tuple(sources) if any("sources" in one.takes for one in measures) else (),
     )
     compile_once(setup.sides, setup.parts, _silent)
-    return Workers(setup, count, DEADLINE, None, MEMORY, main=False), left
+    return _prompt(Workers(setup, count, DEADLINE, None, MEMORY, main=False)), left
+
+
+def _prompt(engine: Workers) -> Workers:
+    """Let an ``engine`` return each child as soon as it can, because a person waits for it."""
+    engine.is_prompt = True
+    return engine
 
 
 def _with_void(header: Header) -> Header:

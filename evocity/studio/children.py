@@ -162,6 +162,7 @@ def list_operators(reasons: Mapping[str, str]) -> list[dict]:
             "name": name,
             "of": operators.bred_by(kind),
             "reason": reasons[name],
+            "turns": operators.takes_turns(kind),
             "told": (inspect.getdoc(kind) or "").partition("\n\n")[0].replace("\n", " "),
             "parameters": [
                 {"name": parameter.name, "default": _as_json(parameter.default)}

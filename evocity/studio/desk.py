@@ -17,7 +17,7 @@ from evocity import fitness
 from evocity.errors import EvocityError, FitnessError, MapError, RecipeError, RunError
 from evocity.fitness.measure import Measure
 from evocity.recipe.reader import read_recipe
-from evocity.search.calibration.recipe_text import describe_duration
+from evocity.search.calibration.recipe_text import describe_forecast
 from evocity.studio.desk_areas import USES, is_raster
 from evocity.studio.desk_children import KeptChildren
 from evocity.studio.desk_draft import MOST_NAME, Draft, OfferedMeasure
@@ -120,7 +120,7 @@ class Desk:
         free = shutil.disk_usage(above).free
         return {
             "births": result["births"],
-            "time": describe_duration(result["duration"]),
+            "time": describe_forecast(result["duration"]),
             "size": result["size"],
             "free": free,
             "fits": result["size"] <= free,

@@ -103,7 +103,7 @@ def _outside(polygons: np.ndarray, at: Sequence[float], city: CityMap) -> str:
     window = shapely.box(at[0] - half, at[1] - half, at[0] + half, at[1] + half)
     drawn = shapely.union_all(polygons)
     share = shapely.difference(drawn, window).area / drawn.area
-    return f"{share:.0%} of it lies outside the window" if share > 0.005 else ""
+    return f"{100 * share:.0f} % of it lies outside the window" if share > 0.005 else ""
 
 
 def _write(polygons: np.ndarray, stem: Path, at: Sequence[float], city: CityMap) -> Path:

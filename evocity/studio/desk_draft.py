@@ -61,6 +61,13 @@ class GoalChoice(Body):
         return {key: end for key, end in (("min", low), ("max", high)) if end is not None}
 
 
+#: The goals of a new desk: measure -> its `GoalChoice.want`.
+_USUAL_WANTS = {
+    name: "parents" if name in OF_PARENTS else fitness.get(name).goal or "first"
+    for name in USUAL_GOALS
+}
+
+
 class Draft(Body):
     """All choices at the desk. An empty ``name`` stands for a name made of the parents' names."""
 
@@ -77,13 +84,8 @@ class Draft(Body):
     window: Window = Window()
     maps: Annotated[tuple[MapChoice, ...], Field(max_length=64)] = ()
     goals: Annotated[tuple[GoalChoice, ...], Field(max_length=MOST_GOALS)] = tuple(
-        GoalChoice.model_validate(
-            {
-                "measure": name,
-                "want": "parents" if name in OF_PARENTS else fitness.get(name).goal or "first",
-            }
-        )
-        for name in USUAL_GOALS
+        GoalChoice.model_validate({"measure": name, "want": want})
+        for name, want in _USUAL_WANTS.items()
     )
 
     #: Locked pixels, and the boundary within which goals measure.
@@ -172,7 +174,7 @@ class OfferedMeasure:
             "range": [end if abs(end) < float("inf") else None for end in measure.range],
             "told": measure.summary,
             "own": self.file is not None,
-            "usual": measure.name in USUAL_GOALS,
+            "usual": _USUAL_WANTS.get(measure.name, ""),
             "site": self._site,
         }
 

@@ -3,6 +3,8 @@ line of JSON; its results leave as lines of JSON."""
 
 import json
 import os
+import queue
+import sys
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -13,24 +15,43 @@ import numpy as np
 from evocity.citymap import CityMap
 from evocity.errors import EvocityError, describe_error
 from evocity.studio.birth_growth import grow_birth
+from evocity.studio.kept_sources import keep_sources
 
 #: The longer side of a picture, px, at most.
 LARGEST = 640
 
 
+#: Seconds that a process waits for another job; bytes of its memory above which it ends.
+IDLE, LARGEST_PROCESS = 300.0, 1 << 30
+
+
 def main() -> None:
-    """Do the job on the first line of standard input; end after it, or when the input closes."""
+    """Do the jobs on the lines of standard input: one, or until `IDLE` seconds without a job if
+    they say that the process ``lasts``. End when the input closes."""
     out = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # measures and libraries may print; that is not a result
-    line = b""
-    while not line.endswith(b"\n"):  # a thread that reads sys.stdin would lock it at the end
-        line += os.read(0, 1 << 16) or b"\n"
-    job = json.loads(line)
-    threading.Thread(target=_end_with_studio, daemon=True).start()
+    lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    threading.Thread(target=_read_lines, args=(lines,), daemon=True).start()
 
     def send(**result: Any) -> None:
         print(json.dumps(result), file=out, flush=True)
 
+    job = json.loads(lines.get())
+    if job.get("lasts"):
+        keep_sources()
+    _do(job, send)
+    while job.get("lasts"):
+        send(waits=True)
+        if _most_memory() > LARGEST_PROCESS:
+            return
+        try:
+            job = json.loads(lines.get(timeout=IDLE))
+        except queue.Empty:
+            return
+        _do(job, send)
+
+
+def _do(job: Mapping, send: Callable) -> None:
     try:
         _JOBS[job["job"]](job, send)
     except EvocityError as error:
@@ -42,10 +63,24 @@ def main() -> None:
         send(error=[describe_error(error), "no error", remedy])
 
 
-def _end_with_studio() -> None:
-    while os.read(0, 1 << 16):
-        pass
+def _read_lines(lines: "queue.SimpleQueue[bytes]") -> None:
+    """Read standard input; end with studio. A thread that reads sys.stdin would lock it."""
+    rest = b""
+    while read := os.read(0, 1 << 16):
+        *whole, rest = (rest + read).split(b"\n")
+        for line in whole:
+            lines.put(line)
     os._exit(1)
+
+
+def _most_memory() -> int:
+    """The most bytes of memory that this process had at a time; 0 where that is unknown."""
+    try:
+        import resource
+    except ImportError:
+        return 0
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return most if sys.platform == "darwin" else most << 10
 
 
 def _read_maps(job: Mapping, send: Callable) -> None:
@@ -177,7 +212,8 @@ def _calibrate(job: Mapping, send: Callable) -> None:
         calibrated={
             "text": result.text,
             "values": values,
-            "bounds": {bound.measure.name: bound.keys for bound in result.bounds},
+            "bounds": {bound.measure.name: bound.keys for bound in result.bounds}
+            | {goal["measure"]: goal["bounds"] for goal in job["goals"] if goal["bounds"]},
             "notes": list(result.notes),
             "failing": result.failing,
             "births": births,

@@ -32,7 +32,7 @@ from evocity.studio.desk_areas import USES, Area, Place
 from evocity.studio.desk_map_choice import MapChoice, MapEntry, Number, Window, without_map
 from evocity.studio.desk_overview import lon_lat
 from evocity.studio.request_fields import RequestError, fault_of
-from evocity.studio.subprocesses import DeskJob
+from evocity.studio.subprocesses import LastingJob
 
 #: Bytes of all files on the desk, and their number; at most.
 MOST_BYTES, MOST_MAPS = 1_000_000_000, 16
@@ -68,7 +68,7 @@ class Maps:
         self._areas: dict[int, AreaFile] = {}
         self._window = Window()
         self._thread: threading.Thread | None = None
-        self._job: DeskJob | None = None
+        self._job: LastingJob | None = None
         self._closed = False
 
     def __getitem__(self, number: int) -> MapEntry:
@@ -181,7 +181,11 @@ class Maps:
             )
         with self._changed:
             self._entries.pop(number, None)
-        for path in (Path(entry.source), self._picture(number), self._overview(number)):
+        Path(entry.source).unlink(missing_ok=True)
+        self._remove_pictures(number)
+
+    def _remove_pictures(self, number: int) -> None:
+        for path in (self._picture(number), self._overview(number)):
             path.unlink(missing_ok=True)
 
     def copy_chosen(self, choice: MapChoice, folder: Path) -> dict[str, Any]:
@@ -327,10 +331,10 @@ class Maps:
                 while not self._closed and not self._unread():
                     self._changed.wait()
                 if self._closed:
-                    return
-                entries = sorted(self._unread(), key=lambda entry: not entry.is_own)
+                    break
+                entries = [min(self._unread(), key=lambda entry: not entry.is_own)]
                 options = {entry.number: dict(entry.requested) for entry in entries}
-                self._job = job = DeskJob(MEMORY, SECONDS * len(entries), "reading a map")
+                self._job = job = self._job or LastingJob(MEMORY, SECONDS, "reading a map")
             try:
                 maps = [
                     {
@@ -351,6 +355,8 @@ class Maps:
                 fault = f"the map could not be read: {describe_error(error)}"
                 remedy = "check whether memory or disk is full, then change how the map is read"
                 self._fail(MapError(fault, "a process that reads it", remedy), options)
+        if self._job is not None:
+            self._job.close()
 
     def _fail(self, fault: EvocityError, options: dict[int, dict]) -> None:
         """Give the ``fault`` to the first map without a result; the others are read again."""
@@ -370,7 +376,8 @@ class Maps:
     def _receive(self, options: dict[int, dict], result: dict) -> None:
         with self._changed:
             entry = self._entries.get(result["map"])
-            if entry is None:
+            if entry is None:  # removed while it was read
+                self._remove_pictures(result["map"])
                 return
             entry.read, entry.turn = options[entry.number], entry.turn + 1
             entry.about, entry.over = result.get("about"), result.get("over") or entry.over

@@ -173,15 +173,16 @@ class Studio:
     # -- questions ---------------------------------------------------------------------------
 
     def changes(self, run: OpenRun, request: Request) -> dict:
-        """Answer with `RunWatcher.news`, whether there are ``more`` births, the `outlook`, and the
-        ``process``."""
+        """Answer with `RunWatcher.news`, whether there are ``more`` births, the `outlook`, the
+        generations ``planned``, and the ``process``."""
         after = number(request.query_params, "after", -1, _LARGEST)
         news = run.watcher.news()
         process = self.desk_routes.processes.state(run.watcher.path)
         extra = {} if process is None else {"process": process}
         if news["generation"] >= 0 and news["problem"] is None:
             with run.watcher.reading:
-                extra |= run.watcher.moment.outlook
+                moment = run.watcher.moment
+                extra |= moment.outlook | {"planned": moment.planned}
             if extra["seconds_left"]:
                 extra["time_left"] = describe_duration(extra["seconds_left"])
         return news | {"more": news["generation"] > after} | extra

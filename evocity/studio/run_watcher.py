@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from evocity.analysis import Run, open_run
+from evocity.analysis.goals import planned_generations
 from evocity.analysis.outlook import outlook
 from evocity.analysis.page import Page
 from evocity.citymap import CityMap
@@ -62,6 +63,8 @@ class Moment(Page):
 
     #: The time left, and targets and bounds that no birth has reached.
     outlook = cached_property(lambda self: outlook(self.run))
+    #: The generations of the recipe; None if it is unreadable.
+    planned = cached_property(lambda self: planned_generations(self.run))
 
     @cached_property
     def cities(self) -> tuple[list[CityMap], list[CityMap]]:

@@ -50,37 +50,59 @@ class DeskJob:
         """Run the ``job``; ``receive`` gets each line of its results. Raises its `EvocityError`."""
         if self.stopped:
             return
-        with subprocess.Popen(
+        process = self._process = self._start()
+        self._exchange(process, job, receive)
+        self._check(process)
+
+    @staticmethod
+    def _start() -> subprocess.Popen:
+        return subprocess.Popen(
             python_command("from evocity.studio.desk_jobs import main; main()", tied=True),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             start_new_session=True,
-        ) as process:
-            self._process = process
-            if self.stopped:  # while the process started
-                self._kill(process)
-            watch = threading.Thread(target=self._watch, args=(process,), daemon=True)
-            watch.start()
-            try:
-                with contextlib.suppress(BrokenPipeError):
-                    process.stdin.write(json.dumps(job).encode() + b"\n")
-                    process.stdin.flush()
-                while line := process.stdout.readline(_LONGEST):
-                    result = json.loads(line)
-                    if "error" in result and "map" not in result:
-                        raise EvocityError(*result["error"])
-                    receive(result)
-                with contextlib.suppress(subprocess.TimeoutExpired):
-                    process.wait(_PATIENCE)
-            except ValueError:  # an incomplete line
-                pass
-            finally:
-                self._kill(process)
-                code = process.wait()
-                watch.join()
-                with contextlib.suppress(BrokenPipeError):
-                    process.stdin.close()
+        )
+
+    def _exchange(
+        self, process: subprocess.Popen, job: Mapping, receive: Callable[[dict], None]
+    ) -> bool:
+        """Send the ``job`` and pass its results on; return whether the process waits for another
+        job. The process is closed after an error."""
+        if self.stopped:  # while the process started
+            self._kill(process)
+        ended = threading.Event()
+        watch = threading.Thread(target=self._watch, args=(process, ended), daemon=True)
+        watch.start()
+        try:
+            with contextlib.suppress(BrokenPipeError):
+                process.stdin.write(json.dumps(job).encode() + b"\n")
+                process.stdin.flush()
+            while line := process.stdout.readline(_LONGEST):
+                result = json.loads(line)
+                if "waits" in result:
+                    return True
+                if "error" in result and "map" not in result:
+                    raise EvocityError(*result["error"])
+                receive(result)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(_PATIENCE)
+        except ValueError:  # an incomplete line
+            self._kill(process)
+            process.wait()
+        except BaseException:
+            self._close(process)
+            raise
+        finally:
+            ended.set()
+            watch.join()
+        return False
+
+    def _check(self, process: subprocess.Popen) -> None:
+        """Close a process that sends no more results. Raise the error of its job, if it has one; a
+        process that is slow to end has none."""
+        code = process.poll()
+        self._close(process)
         if self._error is not None:
             raise self._error
         if code and not self.stopped:
@@ -95,15 +117,22 @@ class DeskJob:
         if self._process is not None:
             self._kill(self._process)
 
-    def _watch(self, process: subprocess.Popen) -> None:
+    def _watch(self, process: subprocess.Popen, ended: threading.Event) -> None:
         end = None if self._seconds is None else time.monotonic() + self._seconds
-        while process.poll() is None:
+        while not ended.is_set() and process.poll() is None:
             if end is not None and time.monotonic() > end:
                 self._end(process, f"more than {self._seconds:.0f} seconds")
             elif linux_processes.added_memory(process.pid, 0, self._memory) > self._memory:
                 self._end(process, f"more than {format_bytes(self._memory)} of memory")
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(_BETWEEN)
+            ended.wait(_BETWEEN)
+
+    def _close(self, process: subprocess.Popen) -> None:
+        """End a process."""
+        self._kill(process)
+        with contextlib.suppress(BrokenPipeError):
+            process.stdin.close()
+        process.stdout.close()
+        process.wait()
 
     def _end(self, process: subprocess.Popen, what: str) -> None:
         self._error = EvocityError(
@@ -119,6 +148,32 @@ class DeskJob:
             linux_processes.kill_group(process.pid)
         with contextlib.suppress(OSError):
             process.kill()
+
+
+class LastingJob(DeskJob):
+    """Jobs one after another in one process, which keeps the files that it reads; it ends after
+    some minutes without a job, and the next job then starts another. ``seconds`` are for each of
+    the maps of a job. One thread runs all jobs."""
+
+    def __init__(self, memory: int, seconds: float, name: str):
+        super().__init__(memory, seconds, name)
+        self._seconds_each = seconds
+
+    def run(self, job: Mapping, receive: Callable[[dict], None]) -> None:
+        if self.stopped:
+            return
+        self._error, self._seconds = None, self._seconds_each * len(job["maps"])
+        if self._process is None or self._process.poll() is not None:
+            self.close()
+            self._process = self._start()
+        process = self._process
+        if not self._exchange(process, {**job, "lasts": True}, receive):
+            self._check(process)
+
+    def close(self) -> None:
+        """End the process."""
+        if self._process is not None:
+            self._close(self._process)
 
 
 class RunProcesses:

@@ -9,5 +9,8 @@
 - `orientation`: directions of walls, pixel by pixel
 - `ridges`: what heights measure to, the eaves or the ridges
 - `connected_components`: the connected pieces of a mask
+- `local_density`: GSI and FSI around each place of a map
+- `wanted_density`: the densities that a plan wants around places
+- `map_arrays`: the checks of a map's arrays
 - `limit_tables`: the reader of tables of limits
 """

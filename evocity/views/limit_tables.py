@@ -40,7 +40,7 @@ class TableFormat:
 
     entry : the word for an entry, listed as ``[[entry]]``. plural : entries, in words. subject : a
     thing that an entry takes. part : the other part of the table. example : limits of an entry,
-    as a remedy. reserved : names that no entry may have.
+    as a remedy. reserved : names that no entry may have. sections : further parts of the table.
     """
 
     entry: str
@@ -51,6 +51,7 @@ class TableFormat:
     fault: type[EvocityError]
     example: str
     reserved: tuple[str, ...] = ()
+    sections: tuple[str, ...] = ()
 
     @cached_property
     def space(self) -> Box:
@@ -75,11 +76,11 @@ class TableFormat:
         raise self.fault(found, f"a table of {self.plural} in TOML", "correct that place")
 
     def check_parts(self, document: Mapping) -> None:
-        parts = (self.entry, self.part)
+        parts = (self.entry, self.part, *self.sections)
         if strange := [name for name in document if name not in parts]:
             raise self.fault(
                 f"{', '.join(strange)} in a table of {self.plural}",
-                f"[[{self.entry}]] and [{self.part}]",
+                f"[[{self.entry}]] and " + " and ".join(f"[{part}]" for part in parts[1:]),
                 near_miss(strange[0], parts) or "take it out",
             )
 

@@ -110,7 +110,9 @@ def test_cities_with_few_buildings_are_named():
     cities = ["left", "right", "middle"]
     shares = {"left": 0.93, "right": 0.0304, "none": 0.0396}
     text = describe_scarce(shares, cities)
-    assert text == "It has only 3% of its buildings from right and 0% of its buildings from middle."
+    assert (
+        text == "It has only 3 % of its buildings from right and 0 % of its buildings from middle."
+    )
     assert describe_scarce({"left": 0.9, "right": 0.1}, cities[:2]) == ""
     assert describe_scarce({"left": 1.0}, cities[:1]) == ""
     assert describe_scarce({}, cities) == ""

@@ -1,5 +1,7 @@
 """Targets and bounds that a real run does not reach, and the sentences about them."""
 
+import math
+from types import SimpleNamespace
 from unittest.mock import patch
 
 import pytest
@@ -8,6 +10,7 @@ from written_runs import written
 
 import evocity
 from evocity.analysis.outlook import outlook, unreachable
+from evocity.analysis.slope import more_births
 from evocity.fitness import registry
 
 GSI = '\n[[fitness]]\nname = "gsi"\n'
@@ -55,12 +58,12 @@ def births(*values, first=1):
         (  # the bound that all births near the target break
             ({"name": "gsi", "target": 0.3}, {"name": "crumbs", "max": 5}),
             [{"gsi": 0.3, "crumbs": 9.0}] * 4 + [{"gsi": 0.6, "crumbs": 1.0}] * 4,
-            "gsi 0.3: each of 4 births near it breaks a bound. 4 of them break the bound of",
+            "gsi 0.3: each of 4 births near it breaks a bound. All of them break the bound of",
         ),
         (  # bounds that only exclude each other
             ({"name": "gsi", "max": 0.4}, {"name": "crumbs", "max": 5}),
             [{"gsi": 0.3, "crumbs": 9.0}] * 4 + [{"gsi": 0.6, "crumbs": 1.0}] * 4,
-            "the bounds: each of 8 births breaks a bound. 4 of them break the bound of gsi.",
+            "Each of 8 births breaks a bound. 4 of them break the bound of gsi.",
         ),
         (  # a target between the births
             ({"name": "gsi", "target": 0.45}, {"name": "crumbs", "max": 10}),
@@ -86,3 +89,47 @@ def test_a_bound_that_excludes_the_target_has_a_name(tmp_path, wanted, values, t
     found = unreachable(run)
     assert len(found) == (text is not None)
     assert text is None or found[0].startswith(text)
+
+
+class Logged:
+    """As much of a run as a slope needs: the hypervolume of each generation of ten births."""
+
+    def __init__(self, volumes, events=(), figures=()):
+        self._events, self._volumes = list(events), volumes
+        self.header = SimpleNamespace(figures=figures)
+
+    def events(self):
+        return self._events
+
+    def history(self):
+        return [
+            {"generation": k, "births": 10 * (k + 1), "hypervolume": volume}
+            for k, volume in enumerate(self._volumes)
+        ]
+
+
+def test_a_slope_tells_what_as_many_births_again_bring():
+    volumes = [math.log2(10 * (k + 1)) for k in range(32)]
+    text = more_births(Logged(volumes))
+    assert text == (
+        "The last 160 of 320 births raised the hypervolume from 7.32 to 8.32. By this slope, 320 "
+        "more births would bring about 9.32 (+12 %)."
+    )
+    flat = more_births(Logged([1.0] * 32))
+    assert flat.endswith("It hardly grows: 320 more births would bring little.")
+    # the living may lose what they had: what was reached counts
+    assert more_births(Logged([*volumes[:-1], 5.0])).startswith("The last 160 of 320")
+
+
+def test_no_slope_where_little_is_known():
+    rising = [1.0 + k for k in range(32)]
+    assert more_births(Logged(rising[:5])) == ""
+    assert more_births(Logged([0.0] * 32)) == ""
+    assert more_births(Logged([None] * 16 + [math.inf] * 16)) == ""
+    assert more_births(Logged(rising, figures=("coverage",))) == ""
+    reweighted = {"event": "command", "command": "reweight", "generation": 12}
+    assert "from" in more_births(Logged(rising, events=[reweighted]))
+    late = reweighted | {"generation": 20}
+    assert more_births(Logged(rising, events=[late])) == ""
+    picked = {"event": "command", "command": "pick", "generation": 20}
+    assert more_births(Logged(rising, events=[picked])) == more_births(Logged(rising))

@@ -161,7 +161,7 @@ def test_any_recipe_says_how_far_they_are_apart(tmp_path, monkeypatch, stated, c
 @pytest.mark.parametrize(
     ("volumes", "failed", "said"),
     [
-        ([1.0, 3.0], 0, "+200% over the first population"),
+        ([1.0, 3.0], 0, "+200 % over the first population"),
         ([0.02, 3.0], 0, "0.02 in the first population"),
         ([0.0, 3.0], 0, "0 in the first population"),
         ([1.0, 3.0], 4, "1 in the first population"),

@@ -23,7 +23,7 @@ def test_a_run_that_has_ended_takes_commands_up_when_it_is_resumed(tmp_path):
     told = json.loads(call("status", ended, "--json").stdout)
     assert (told["picked"], told["weights"]) == ([], {})
     assert told["waiting"] == [
-        "picked: 2 4, first parents of 100% of the births",
+        "picked: 2 4, first parents of 100 % of the births",
         "weights: mutation 0",
     ]
     with (ended / "commands.jsonl").open("a") as lines:

@@ -96,7 +96,7 @@ def test_by_the_variance_what_is_flat_has_no_value(tmp_path, town_file, city, me
         assert np.isnan(file.nodata)
     known = ~np.isnan(values)
     assert 0 < known.mean() < 1
-    assert f"{known.mean():.0%} of the pixels have a value" in result.stdout
+    assert f"{100 * known.mean():.0f} % of the pixels have a value" in result.stdout
     assert f"mean {values[known].mean(dtype=float):.4g}" in result.stdout
     result = call("autosimilarity", town_file, *AT_2_M, *options, "-o", picture, "--json")
     told = json.loads(result.stdout)

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 
 import click
 import numpy as np
@@ -76,6 +77,10 @@ def test_the_commands_are_these():
         "curve detail",
         "curve transfer",
         "curve amplify",
+        "surface fit",
+        "surface detail",
+        "surface transfer",
+        "surface amplify",
     ]
 
 
@@ -89,6 +94,8 @@ def test_every_command_has_a_help_with_an_example(words, command):
     # what is neither a switch nor required says what it is otherwise
     silent = [o.name for o in options if not (o.is_flag or o.required or o.show_default)]
     assert silent == []
+    texts = [text for one in options for text in (one.help, str(one.show_default))]
+    assert [text for text in texts if re.search(r"\{\w+\}", text)] == []
 
 
 def test_version_and_usage():

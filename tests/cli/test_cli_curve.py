@@ -37,6 +37,19 @@ def test_lines_of_a_map_are_traced(files, what):
     assert [one["points"] for one in json.loads(told.stdout)["lines"]] == [len(lines[0])]
 
 
+def test_the_outline_of_a_picture_is_traced(files):
+    dark = np.full((40, 60), 255, np.uint8)
+    dark[5:30, 10:50] = 0
+    Image.fromarray(dark).save(files / "leaf.png")
+    words = "curve", "trace", files / "leaf.png", "--what", "outline"
+    told = call(*words, "--json", "-o", files / "leaf.geojson")
+    (line,) = read_lines(files / "leaf.geojson").lines
+    assert json.loads(told.stdout)["lines"][0]["points"] == len(line)
+    refused(files, *words, "--id", 1, "-o", files / "a.geojson", says="--what outline")
+    words = "curve", "trace", files / "town.npy", "--what", "outline"
+    refused(files, *words, "-o", files / "a.geojson", says="PNG")
+
+
 @pytest.mark.slow
 def test_a_line_is_fitted_and_told(files):
     path = files / "fitted.parquet"

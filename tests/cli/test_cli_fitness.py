@@ -1,7 +1,10 @@
 """`evocity fitness`: a measure begun, tried, timed and listed; every way it can be wrong."""
 
+import errno
+import io
 import json
 import math
+import os
 import textwrap
 from importlib import import_module
 
@@ -103,6 +106,33 @@ def test_nothing_is_overwritten(tmp_path, own):
     refused(tmp_path, *words, tmp_path / "nowhere" / "x.py", says="there is no folder")
     refused(tmp_path, *words, tmp_path / "x.txt", says="a file name that ends in .py")
     refused(tmp_path, "fitness", "new", "other", "--unit", 'm"', "-o", tmp_path, says="--unit")
+
+
+@pytest.mark.parametrize("full", ["dense.csv", "dense.py"])
+def test_a_field_measure_without_space_leaves_no_file(tmp_path, monkeypatch, full):
+    town, field = write_town(tmp_path / "town.npy"), tmp_path / "places.csv"
+    field.write_text("x,y,gsi\n64,64,0.4\n")
+    words = ("fitness", "new", "dense", "--field", field, "--map", town, *AT_2_M, "-o", tmp_path)
+
+    class FullDisk(io.StringIO):
+        def write(self, text):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def open_or_fail(path, mode="r", **more):
+        if path != tmp_path / full or mode != "x":
+            return open(path, mode, **more)
+        path.touch(exist_ok=False)
+        return FullDisk()
+
+    for module in ("evocity.cli.fitness_new", "evocity.views.wanted_density"):
+        monkeypatch.setattr(import_module(module), "open", open_or_fail, raising=False)
+    message = refused(tmp_path, *words, says="No space left")
+    assert str(tmp_path / full) in message
+    monkeypatch.undo()
+    call(*words)
+    assert {"dense.csv", "dense.py"} < {path.name for path in tmp_path.iterdir()}
+    (tmp_path / "dense.py").unlink()
+    refused(tmp_path, *words, says="dense.csv' exists already")
 
 
 # -- check -----------------------------------------------------------------------------------

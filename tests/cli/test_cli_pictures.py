@@ -153,12 +153,12 @@ def test_ancestry_of_an_individual_is_drawn(tmp_path, run_folder, depth):
     shares = Shares(decoded(genome, name), weights, genome.cities, title)
     np.testing.assert_array_equal(picture, np.asarray(render_shares(shares, zoom=24)))
     for city, share in zip(genome.cities, weights.mean(axis=(0, 1)), strict=True):
-        assert (f"{city} {share:.1%}" in result.stdout) == (share > 0)
+        assert (f"{city} {100 * share:.1f} %" in result.stdout) == (share > 0)
 
 
 def test_a_genome_of_one_city_is_all_its(tmp_path, genome_file):
     result = call("show", genome_file, "--ancestry", "-o", tmp_path / "whose.png")
-    assert "town 100.0%" in result.stdout
+    assert "town 100.0 %" in result.stdout
 
 
 def test_pictures_of_codes_carry_the_attribution(tmp_path):
@@ -223,7 +223,7 @@ def test_a_filter_writes_the_filtered_map(tmp_path, genome_file, options, name):
     np.testing.assert_array_equal(np.load(path), expected.heights)
     share = filtered.condensation.mask.mean()
     assert 0 < share < 1
-    assert f"{name} at 2 calls: ground on {share:.0%} of the pixels" in result.stdout
+    assert f"{name} at 2 calls: ground on {100 * share:.0f} % of the pixels" in result.stdout
     assert f"town, decoded, {name} at 2" in result.stdout
 
 
@@ -234,14 +234,29 @@ def test_two_filters_write_a_band(tmp_path, genome_file):
     band = high_pass(low_pass(evocity.read_genome(genome_file), 4), 2)
     np.testing.assert_array_equal(np.load(path), evocity.decode(band).city.heights)
     assert "town, decoded, low-pass at 4, high-pass at 2" in result.stdout
-    shares = [float(share) for share in re.findall(r"(\d+)% of the pixels", result.stdout)]
+    shares = [float(share) for share in re.findall(r"(\d+) % of the pixels", result.stdout)]
     assert sum(shares) == pytest.approx(100 * band.condensation.mask.mean(), abs=1)
+
+
+@pytest.mark.parametrize(
+    ("part", "says"),
+    [
+        ("blocks", r"flat range blocks on \d+ % of the pixels"),
+        ("buildings", r"\d+ of \d+ built components became ground"),
+    ],
+)
+def test_a_filter_of_whole_parts_writes_their_map(tmp_path, genome_file, part, says):
+    path = tmp_path / "simpler.npy"
+    result = call("decode", genome_file, "--low-pass", 2, "--part", part, "-o", path)
+    expected = evocity.decode(low_pass(evocity.read_genome(genome_file), 2, part=part)).city
+    np.testing.assert_array_equal(np.load(path), expected.heights)
+    assert re.search(says, result.stdout)
 
 
 def test_an_infinite_frequency_filters_nothing(tmp_path, genome_file):
     call("decode", genome_file, "-o", tmp_path / "plain.npy")
     result = call("decode", genome_file, "--low-pass", "inf", "-o", tmp_path / "same.npy")
-    assert "0% of the pixels" in result.stdout
+    assert "0 % of the pixels" in result.stdout
     assert (tmp_path / "plain.npy").read_bytes() == (tmp_path / "same.npy").read_bytes()
 
 
@@ -254,6 +269,7 @@ def test_an_infinite_frequency_filters_nothing(tmp_path, genome_file):
         (("--high-pass", "nan"), "--high-pass nan"),
         (("--low-pass", 3, "--high-pass", -2), "--high-pass -2"),
         (("--count", "pixels"), "--count is given without --low-pass or --high-pass"),
+        (("--part", "blocks"), "--part is given without --low-pass or --high-pass"),
     ],
 )
 def test_a_filter_that_is_none_is_refused(tmp_path, genome_file, options, says):

@@ -16,8 +16,8 @@ from evocity.errors import RecipeError
 from evocity.recipe.mixture import plan_operators, usual_operators
 from evocity.recipe.reader import recipe_of
 from evocity.recipe.sections import GenomeSection
-from evocity.search.calibration.calibration import _note_best, _note_heights
-from evocity.search.calibration.recipe_text import Goal
+from evocity.search.calibration.calibration import BESIDE, _note_best, _note_heights
+from evocity.search.calibration.recipe_text import MANY_BIRTHS, Goal
 from evocity.search.preparation.preparation import prepare
 
 #: Of what children have of their sources, too little for a bound of .5.
@@ -198,8 +198,12 @@ def test_the_goals_are_the_users_and_the_guard_is_calibrated(night):
         name: {key: one for key, one in zip(("min", "max"), pair, strict=True) if one is not None}
         for name, pair in bounds.items()
     }
-    assert told["births"] == 48 * 101
-    assert told["duration"] == pytest.approx(told["births"] * told["seconds"] / recipe.worker_count)
+    assert told["births"] == 48 * (recipe.run.generations + 1)
+    pace = (told["seconds"] + BESIDE) / recipe.worker_count
+    assert told["duration"] == pytest.approx(told["births"] * pace)
+    night = 8 * 3600
+    assert night - 48 * pace < told["duration"] <= night
+    assert recipe.log.genomes == ("survivors" if told["births"] > MANY_BIRTHS else "all")
 
 
 def test_the_comments_tell_what_the_parents_have_and_how_long_it_takes(night):
@@ -209,9 +213,28 @@ def test_the_comments_tell_what_the_parents_have_and_how_long_it_takes(night):
     for name, of in told["values"].items():
         for parent, had in of.items():
             assert f"of {parent} has {had['map']:.3g}, its code {had['code']:.3g}" in text, name
-    assert f"4848 births; one took {1000 * told['seconds']:.0f} ms here" in text
+    assert f"{told['births']} births; one took {1000 * told['seconds']:.0f} ms here" in text
     assert "tallest: Height of the highest roof. More of it is better." in text
     assert max(map(len, path.read_text(encoding="utf-8").splitlines())) <= 100
+
+
+@pytest.mark.parametrize(
+    ("hours", "way_out"),
+    [
+        ("0", "leave --hours out, for a night of 8 hours"),
+        ("-1", "write --hours 0.5 for half an hour"),
+        ("nan", "write --hours 0.5"),
+        ("1000", "a run goes on for longer with evocity resume RUN --generations N"),
+        ("inf", "write --hours 168 or less"),
+    ],
+)
+def test_no_run_takes_so_many_hours(towns, tmp_path, hours, way_out):
+    words = (towns / "left.npy", "--hours", hours, "-o", tmp_path / "one.toml")
+    result = call("recipe", "new", *words, code=2)
+    assert f"--hours {float(hours):g} is not a length of a run" in result.stderr
+    assert "above 0, and at most 168 (a week)" in result.stderr
+    assert way_out in result.stderr
+    assert not (tmp_path / "one.toml").exists()
 
 
 def test_it_tells_what_it_calibrated_and_what_comes_next(towns, tmp_path):
@@ -263,9 +286,9 @@ def test_what_is_undefined_of_a_parent_is_not_bounded(tmp_path):
     heights[8:24, 8:24] = heights[40:56, 30:50] = 9.0
     np.save(tmp_path / "two.npy", heights)
     result = call("recipe", "new", tmp_path / "two.npy", "--pixels", 64, "-o", tmp_path / "a.toml")
-    few = "no bound, for it is undefined for two ("
+    few = "no bound, because it is undefined for two ("
     assert f"Note: fabric_distance: {few}" in result.stderr
-    none = "Note: salingaros_law: no goal, for it is undefined for two ("
+    none = "Note: salingaros_law: no goal, because it is undefined for two ("
     assert none in result.stderr
     recipe = search.read_recipe(tmp_path / "a.toml")
     names = [one.name for one in recipe.fitness]
@@ -363,7 +386,7 @@ def test_births_that_fail_are_told_loudly(towns, tmp_path):
     assert "Warning: 10 of 10 trial births failed; the first: barren is nan: a child" in (
         result.stderr
     )
-    assert "A run stops when more than 50% of a generation's births fail" in result.stderr
+    assert "A run stops when more than 50 % of a generation's births fail" in result.stderr
     assert "Read its comments" not in result.stdout
     assert "Correct what makes births fail, then:" in result.stdout
 

@@ -220,6 +220,7 @@ def test_status_tells_where_a_run_is(finished):
         "running",
         "seconds_left",
         "unreachable",
+        "more_births",
         "front",
     }
     assert (told["generation"], told["births"], told["failures"]) == (2, 18, 0)

@@ -108,7 +108,7 @@ def test_tiles_of_other_settings_are_refused_before_growth(tmp_path, genome_file
     monkeypatch.setattr(Growth, "account", account)
     write_tiles(evocity.scene(draw_town(1), lod="1.0"), tmp_path / "scene", 32)
     words = ("grow", genome_file, *SIZE, "--seed", 4, "--tile", 32, "--tiles")
-    refused(tmp_path, *words, tmp_path / "scene", says="differs in candidates, cell")
+    refused(tmp_path, *words, tmp_path / "scene", says="tiles of another fabric, or")
     code = evocity.read_genome(genome_file)
     made = grow(code, 96, 128, np.random.default_rng(4)).made
     settings = {"genomes": [code.digest], "seed": 4, "width": 128, "height": 96, "tile": 32}
@@ -128,7 +128,7 @@ def test_tiles_of_other_settings_are_refused_before_growth(tmp_path, genome_file
         call(*words, tmp_path / "t")
     town = ("scene", tmp_path / "town.npy", *AT_2_M, "--tile", 32, "--tiles", tmp_path / "t")
     write_town(tmp_path / "town.npy")
-    refused(tmp_path, *town, says="which differs in candidates, cell")
+    refused(tmp_path, *town, says="tiles of another fabric, or")
 
 
 def test_lines_have_a_national_grid(tmp_path):

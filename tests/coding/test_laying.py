@@ -13,10 +13,12 @@ from towns import draw_town
 
 from evocity.coding import CollageMap, decode
 from evocity.coding._kernels import shared_extents
+from evocity.coding.fixed_point import fixed_point
 from evocity.coding.matching import best_correlations, best_matches
 from evocity.coding.matching.domains import domain_pools
 from evocity.coding.matching.local_search import chunk_size
 from evocity.coding.parameters import Coding
+from evocity.condensation import Condensation
 from evocity.errors import GenomeError
 from evocity.operators import collage_repair
 from evocity.pavement import Pavement
@@ -47,6 +49,34 @@ def test_laying_and_its_adjoint_against_their_naive_twins(name, kind):
     assert collage.transposed(values) == pytest.approx(transposed, abs=1e-3)
     other = collage.recoded(genome.sigma / 2, genome.beta)
     assert other.transposed(values) == pytest.approx(transposed / 2, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", PAVEMENTS)
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+@pytest.mark.parametrize("most", [1, 2, 3, 500])
+def test_the_compiled_iteration_is_that_of_single_steps(name, kind, most):
+    genome = draw_leaves(7, PAVEMENTS[name])
+    collage = CollageMap(genome, dtype=kind)
+    start = np.random.default_rng(2).uniform(0, 30, collage.shape).astype(kind)
+    steps = {"tolerance": 0.01, "most": most}
+    slow = fixed_point(collage.lay, start, **steps, repeat=collage.lay_again)
+    fast = collage.fixed_point(start, **steps)
+    for one, other in ((slow.values, fast.values), (slow.before, fast.before)):
+        assert one.tobytes() == other.tobytes()
+    ends = [(end.steps, end.converged, end.diverged) for end in (slow, fast)]
+    assert ends[0] == ends[1]
+
+
+def test_the_compiled_iteration_keeps_a_condensation():
+    genome = draw_leaves(3, PAVEMENTS["leaves 2-16"])
+    p = genome.pavement
+    mask = np.zeros((p.height, p.width), bool)
+    mask[3:9, 2:20] = True
+    genome = genome.replace(condensation=Condensation(np.where(mask, 7.5, 0), mask))
+    collage = CollageMap(genome)
+    start = np.zeros(collage.shape, np.float32)
+    slow = fixed_point(collage.lay, start, tolerance=0.01, repeat=collage.lay_again)
+    assert slow.values.tobytes() == collage.fixed_point(start, tolerance=0.01).values.tobytes()
 
 
 def test_without_domain_blocks_there_is_nothing_to_lay():

@@ -1,5 +1,7 @@
 """The search finds what trying everything finds, on awkward maps too."""
 
+from dataclasses import fields
+
 import naive
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from evocity.coding.matching.candidates import Shapes
 from evocity.coding.matching.d4 import d4_matrix
 from evocity.coding.matching.domains import domain_pools
 from evocity.coding.matching.exact_scores._kernels import keep
+from evocity.coding.matching.matches import Search
 from evocity.coding.parameters import Coding
 from evocity.errors import MapError
 from evocity.pavement import Pavement
@@ -327,3 +330,27 @@ def test_the_first_of_many_near_ties_is_kept(seed, count, step):
             used = keep(values[place], place, slack, records, places, used)
         near = records[:used] >= records[:used].max() - slack
         assert places[:used][near].min() == first
+
+
+@given(st.integers(0, 10**6), st.sampled_from([None, 0, 6]), st.sampled_from([2, 4]))
+@settings(max_examples=25, deadline=None)
+def test_one_pool_is_concluded_as_several_are(seed, reach, side):
+    rng = np.random.default_rng(seed)
+    heights = rng.choice([0.0, 3.0, 6.5, 9.0], (24, 32)).astype(np.float32)
+    heights[:8] = 4.0
+    pavement, compared = Pavement(24, 32, side), []
+
+    def conclude_twice(search, blocks, shapes):
+        compared.append(
+            (search._matches_in_one_pool(blocks, shapes), search._matches(blocks, shapes))
+        )
+        return compared[-1][0]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Search, "matches", conclude_twice)
+        blocks = pavement.blocks(heights)
+        best_matches(domain_pools(heights, side, (2,)), blocks, pavement.corners, Coding(reach))
+    ((fast, slow),) = compared
+    for field in fields(fast):
+        one, other = (np.asarray(getattr(matches, field.name)) for matches in (fast, slow))
+        assert (one.dtype, one.tobytes()) == (other.dtype, other.tobytes()), field.name

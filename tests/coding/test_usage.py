@@ -6,15 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 from codes import draw_code, uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import evocity
 from evocity.coding import CollageMap, decode, high_pass, low_pass, usage
-from evocity.coding.usage import COUNTS
+from evocity.coding.usage import COUNTS, PARTS
 from evocity.condensation import Condensation
 from evocity.errors import GenomeError
+from evocity.fitness import crumbs
 
 codes = st.builds(
     draw_code,
@@ -221,3 +223,95 @@ def test_values_told_of_lyon_are_true():
     assert f"only {called} domain blocks, and call one block {most} times" in words
     assert (whole.pixels == 0).mean() == pytest.approx(2 / 3, abs=0.05)
     assert "lifs copy only one in three pixels of Lyon" in words
+
+
+# -- range blocks and buildings as wholes ----------------------------------------------------
+
+
+@either_filter
+@settings(max_examples=15, deadline=None)
+@given(codes, st.sampled_from(COUNTS), st.sampled_from([0, 1, 2.5, 6]))
+def test_filtered_range_blocks_are_flat_at_the_height_of_most_pixels(filtering, genome, count, f_c):
+    p, calls = genome.pavement, counted(genome)[1][count]
+    level = FILTERS[filtering](p.blocks(calls).mean(axis=(1, 2)), f_c)
+    filtered = filtering(genome, f_c, count=count, part="blocks")
+    if not level.any():
+        assert filtered is genome
+        return
+    before = set()
+    while before != set(np.flatnonzero(level)):  # what copies mostly flat blocks is flat
+        before, flat = set(np.flatnonzero(level)), p.raster(level)
+        for i in np.flatnonzero(~genome.uniform):
+            y, x, dy, dx = (int(getattr(genome, name)[i]) for name in ("y", "x", "dy", "dx"))
+            level[i] |= flat[y : y + dy, x : x + dx].mean() > 0.5
+    city = decode(genome).city
+    for i in np.flatnonzero(level):
+        labels = p.blocks(city.building_labels)[i].ravel().tolist()
+        most = min(set(labels), key=lambda one: (-labels.count(one), one))
+        assert filtered.beta[i] == np.float32(city.buildings.height[most - 1] if most else 0)
+    assert filtered.uniform[level].all()
+    for name in ("sigma", "beta", "x", "y", "dx", "dy", "iso"):
+        assert np.array_equal(getattr(filtered, name)[~level], getattr(genome, name)[~level])
+    # what is left is a fixed point of the filtered code, not a painted picture
+    attractor = decode(filtered, tolerance=1e-4).attractor
+    np.testing.assert_allclose(CollageMap(filtered)(attractor), attractor, atol=1e-3)
+
+
+def test_leaves_become_flat_too(town):
+    genome = evocity.encode(town, reach=None).genome
+    filtered = low_pass(genome, 0, count="ranges", part="blocks")
+    assert filtered.pavement == genome.pavement
+    assert filtered.uniform.all()
+
+
+@either_filter
+@pytest.mark.parametrize("f_c", [2, 4])
+def test_filtered_buildings_go_as_wholes_and_others_stay(filtering, town, f_c):
+    genome = uniformly(town, reach=None).genome
+    before = decode(genome).city
+    labels, calls = before.labels, usage(genome).pixels
+    means = [calls[labels == number].mean() for number in range(1, labels.max() + 1)]
+    gone = np.flatnonzero(FILTERS[filtering](np.array(means), f_c)) + 1
+    filtered = filtering(genome, f_c, part="buildings")
+    assert 0 < gone.size < labels.max()
+    after = decode(filtered).city
+    bare = np.isin(labels, gone)
+    assert (after.heights[bare] == 0).all()
+    np.testing.assert_allclose(after.heights[~bare], before.heights[~bare], atol=0.1)
+    assert len(after.areas) == labels.max() - gone.size
+    assert filtered.made[filtering.__name__] == {
+        "f_c": float(f_c), "count": "pixels", "part": "buildings",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_infinity_changes_no_part(town, part):
+    genome = uniformly(town).genome
+    assert low_pass(genome, math.inf, part=part) is genome
+    assert high_pass(genome, 0, part=part) is genome
+
+
+def test_an_unknown_part_is_refused():
+    with pytest.raises(GenomeError, match=r"(?s)'quarters'.*pixels.*blocks.*buildings"):
+        low_pass(draw_code(1), 1, part="quarters")
+
+
+@pytest.mark.parametrize(
+    ("block", "how"),
+    [
+        (8, {}),  # pixels to ground, Marsault 2002 §5.5
+        (8, {"count": "ranges", "part": "blocks"}),  # range blocks, 2005 §2.4
+        (4, {"count": "ranges", "part": "blocks"}),
+    ],
+)
+def test_a_low_pass_at_1_simplifies_a_real_city_as_in_the_papers(block, how):
+    city = evocity.read_map("lyon-1er", pixels=192)
+    genome = uniformly(city, block=block, reach=None).genome
+    plain, simple = (decode(one).city for one in (genome, low_pass(genome, 1, **how)))
+    for told in (crumbs, vertices):
+        assert told(simple) <= 0.5 * told(plain)
+    assert simple.built.any()
+
+
+def vertices(city) -> int:
+    return int(shapely.get_num_coordinates(np.array(city.outline, dtype=object)).sum())

@@ -1,5 +1,6 @@
 """Whole buildings and cuts along fronts: laws, and children of crossings."""
 
+import naive
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,8 +11,9 @@ import evocity
 from evocity import operators
 from evocity.citymap import CityMap
 from evocity.errors import FitnessError
-from evocity.fitness import integrity, integrity_along_fronts
+from evocity.fitness import _kernels, integrity, integrity_along_fronts
 from evocity.fitness.cuts import LOOSE, cut_pieces
+from evocity.isometries import AFFINE
 
 seeds = st.integers(0, 2**32)
 
@@ -70,6 +72,57 @@ def test_a_house_that_ends_in_another_house_does_not_count():
     assert loose[cut] > LOOSE * 4 * np.sqrt(counts[cut])
     assert loose[whole] == 0
     assert integrity_along_fronts(map_, child, [city, other]) < 0.8
+
+
+def turned(city, angle):
+    """A child on cells of 2 px that shows a city turned around its middle by any ``angle``, as far
+    as eight isometries and whole pixels can."""
+    cells = np.indices((city.shape[0] // 2, city.shape[1] // 2))
+    at = cells * 2 + 0.5
+    middle = (np.array(city.shape) - 1)[:, None, None] / 2
+    down, along = at - middle
+    sine, cosine = np.sin(angle), np.cos(angle)
+    row = middle[0] + cosine * down - sine * along
+    column = middle[1] + sine * down + cosine * along
+    turn = int(np.abs(AFFINE[:, 2:] - (cosine, sine, -sine, cosine)).sum(axis=1).argmin())
+    row, column = (np.rint((one - 0.5) / 2).astype(int) for one in (row, column))
+    inside = (np.minimum(row, column) >= 0) & (row < cells.shape[1]) & (column < cells.shape[2])
+    return inside, np.where(inside, row, 0), np.where(inside, column, 0), np.full(row.shape, turn)
+
+
+@given(seeds, st.integers(1, 4))
+@settings(max_examples=10, deadline=None)
+def test_fitted_places_as_their_naive_twin(seed, reach):
+    rng = np.random.default_rng(seed)
+    number = rng.integers(-1, 2, (10, 12))
+    y, x = np.indices(number.shape)
+    angle = rng.uniform(0, 2 * np.pi)
+    turn = np.array([np.cos(angle), np.sin(angle), -np.sin(angle), np.cos(angle)])
+    row = np.rint(turn[0] * y + turn[2] * x + rng.integers(0, 2, number.shape) * rng.integers(9))
+    column = np.rint(turn[1] * y + turn[3] * x)
+    turns = np.broadcast_to(np.rint(turn)[:, None, None], (4, *number.shape)).copy()
+    places, slopes = np.zeros((2, *number.shape)), np.zeros((4, *number.shape))
+    _kernels.fit_places(number, row, column, turns, reach, places, slopes)
+    expected = naive.fit_places(number, row, column, turns, reach)
+    np.testing.assert_allclose(places, expected[0], atol=1e-8)
+    np.testing.assert_allclose(slopes, expected[1], atol=1e-8)
+
+
+@given(st.floats(0, 2 * np.pi), seeds)
+@settings(max_examples=8, deadline=None)
+def test_whole_buildings_count_at_any_angle(angle, seed):
+    rng = np.random.default_rng(seed)
+    heights = np.zeros((96, 96))
+    for top in range(20, 70, 16):
+        for left in range(20, 70, 16):
+            size = rng.integers(7, 12, 2)
+            heights[top : top + size[0], left : left + size[1]] = 6 + 3 * rng.integers(4)
+    city = CityMap(heights, 2.0, name="houses")
+    bare = CityMap(np.zeros(city.shape), 2.0, name="bare")
+    inside, row, column, turn = turned(city, angle)
+    whose = np.where(inside, 0, 1)
+    child = copied([own(city), own(bare)], whose, row, column, turn, cell=2)
+    assert integrity_along_fronts(shown(child, [city, bare]), child, [city, bare]) >= 0.95
 
 
 @pytest.mark.slow

@@ -14,6 +14,7 @@ from towns import draw_town
 from evocity import isometries
 from evocity.citymap import CityMap
 from evocity.coding import decode, encode
+from evocity.condensation import Condensation
 from evocity.errors import FitnessError
 from evocity.fitness import fitness
 from evocity.fitness.heredity import (
@@ -369,6 +370,28 @@ def test_shares_pixel_by_pixel(seed):
     assert smallest_share(city, genome=child) == min(shares.values())
     for same in (split(child, 2), merged(split(child, 2), 16)):
         assert source_shares(city, same) == shares
+
+
+@given(seeds)
+@settings(max_examples=15, deadline=None)
+def test_locked_pixels_do_not_count_in_shares(seed):
+    """Only free pixels count; the parents of range blocks below the lock do not matter."""
+    rng = np.random.default_rng(seed)
+    child = shuffled([own(town(k), seed=seed) for k in (1, 2)], seed)
+    city = town(seed % 40)
+    mask = np.zeros(city.shape, bool)
+    top, left = rng.integers(0, 40, 2)
+    mask[top : top + 24, left : left + 24] = True
+    locked = child.replace(condensation=Condensation.cut(city, mask))
+    shown = naive.shown_pixels(child)
+    names = [shown[y, x][1][0] for y, x in np.argwhere(city.built & ~mask).tolist()]
+    expected = {name: names.count(name) / len(names) for name in child.cities}
+    assert source_shares(city, locked) == pytest.approx(expected)
+    hidden = child.pavement.sums(mask.astype(np.float32)) == child.pavement.area
+    swapped = locked.replace(parent=np.where(hidden, 1 - locked.parent, locked.parent))
+    assert source_shares(city, swapped) == source_shares(city, locked)
+    every = child.replace(condensation=Condensation.cut(city, mask | True))
+    assert "locked pixels" in smallest_share(city, genome=every).reason
 
 
 def test_a_city_of_the_run_that_is_missing_has_nothing():

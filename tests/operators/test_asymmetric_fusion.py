@@ -14,6 +14,7 @@ from evocity.coding import decode
 from evocity.condensation import Condensation
 from evocity.errors import OperatorError
 from evocity.genome import NUCLEOTIDES, Genome, laid
+from evocity.operators import with_older_values
 from evocity.operators.content_fusion import AsymmetricFusion
 from evocity.operators.pairing import (
     _closest_level,
@@ -24,9 +25,13 @@ from evocity.operators.pairing import (
     pair_blocks,
     pair_cells,
     pieces_of,
+    squares,
 )
-from evocity.operators.pairing._kernels import LANES, alike_blocks
+from evocity.operators.pairing._kernels import LANES, alike_blocks, square_costs
+from evocity.operators.pairing.squares import pair_squares
 from evocity.pavement import Pavement
+from evocity.recipe.reader import recipe_of
+from evocity.towns.patterns import chessboard_town, concentric_town
 
 
 def generator() -> np.random.Generator:
@@ -148,13 +153,92 @@ def test_a_turned_city_is_found_under_isometries_alone():
         uniformly(town_of(heights, name)).genome
         for heights, name in ((np.rot90(city.heights), "turned"), (city.heights, "city"))
     )
-    turned = AsymmetricFusion(isometries=True, repair=None).draft([first, second], generator())
-    plain = AsymmetricFusion(repair=None).draft([first, second], generator())
+    how = {"side": 0.0, "repair": None}
+    turned = AsymmetricFusion(isometries=True, **how).draft([first, second], generator())
+    plain = AsymmetricFusion(**how).draft([first, second], generator())
     truth = np.rot90(map_of(second))
     errors = [np.sqrt(np.mean((map_of(first) - one.intended) ** 2)) for one in (turned, plain)]
     assert errors[0] < 0.5 * errors[1]
     coded = np.sqrt(np.mean((map_of(first) - truth) ** 2))
     assert errors[0] <= coded
+
+
+# -- pairing of squares ------------------------------------------------------------------------
+
+
+def test_kernel_of_squares_against_its_naive_twin():
+    rng = np.random.default_rng(3)
+    heights = rng.random((24, 32)).astype("f4")
+    phases = np.ascontiguousarray(heights.reshape(6, 4, 8, 4).transpose(1, 3, 0, 2))
+    patch, weight = rng.random((2, 12, 12)).astype("f4")
+    weight[::3] = 0
+    costs = np.zeros((4, 6), "f4")
+    square_costs(phases, patch, weight, costs)
+    assert costs == pytest.approx(naive.square_costs(heights, patch, weight, 4), rel=1e-5)
+
+
+@settings(max_examples=6, deadline=None)
+@given(
+    seeds=st.tuples(st.integers(0, 99), st.integers(0, 99)),
+    count=st.sampled_from([1, 2, 3, 5, 8]),
+    turned=st.booleans(),
+)
+def test_squares_are_the_cheapest_of_all(seeds, count, turned):
+    grid = Pavement(16, 24, 4)
+    maps = [draw_town(seed, side=24, buildings=6).heights[:16] for seed in seeds]
+    index, iso = pair_squares(grid, maps, count, turned=turned, alike=0.0)
+    assert iso.max() < (8 if turned else 1)
+    truth = naive.pair_squares(grid, maps, count, turned, index, iso)
+    for chosen, least in truth:
+        assert chosen <= least + 1e-3 * (1 + least)
+
+
+@pytest.mark.parametrize(("most", "stride"), [(24, 1), (6, 2), (3, 3)])
+@pytest.mark.parametrize("turned", [False, True])
+def test_squares_of_large_maps_begin_on_a_lattice(monkeypatch, most, stride, turned):
+    monkeypatch.setattr(squares, "MOST_PLACES", most)
+    grid = Pavement(16, 24, 4)
+    maps = [draw_town(seed, side=24, buildings=6).heights[:16] for seed in (5, 6)]
+    for count in (2, 3):
+        index, iso = pair_squares(grid, maps, count, turned=turned, alike=0.0)
+        truth = naive.pair_squares(grid, maps, count, turned, index, iso, stride)
+        for chosen, least in truth:
+            assert chosen <= least + 1e-3 * (1 + least)
+        index, _ = pair_squares(grid, [maps[0]] * 2, count, turned=turned)
+        assert np.array_equal(index, np.arange(len(grid)))  # its own place is always among them
+
+
+@pytest.mark.parametrize("block", [4, 8])
+def test_a_town_in_the_squares_of_another_is_neither(block):
+    # the towns and the share of docs/sheets/asymmetric_fusion.py and of issue T
+    towns = [draw(256, 1.0) for draw in (concentric_town, chessboard_town)]
+    parents = [uniformly(town, block=block).genome for town in towns]
+    for frame, other in ((0, 1), (1, 0)):
+        child = AsymmetricFusion()([parents[frame], parents[other]], generator())
+        ours, framed, others = map(map_of, (child, parents[frame], parents[other]))
+        assert (np.abs(ours - framed) > 1.5).mean() >= 0.25
+        assert (np.abs(ours - others) > 1.5).mean() >= 0.25
+        # repair goes to the picture of the pairs, not back to the frame
+        intended = AsymmetricFusion().draft([parents[frame], parents[other]], generator()).intended
+        far, near = (np.abs(ours - one).mean() for one in (framed, intended))
+        assert near < 0.35 * far
+        # and it is a picture of the plan: it resembles its own frame more than any shifted one
+        shifted = np.roll(framed, 128, axis=(0, 1))
+        alike = [np.corrcoef(ours.ravel(), one.ravel())[0, 1] for one in (framed, shifted)]
+        assert alike[0] > alike[1]
+
+
+def test_recipes_and_logs_without_squares_pair_single_blocks(genomes, tmp_path):
+    assert with_older_values("asymmetric_fusion", {"alike": 1}) == {"side": 0.0, "alike": 1}
+    assert with_older_values("asymmetric_fusion", {"side": "none"}) == {"side": "none"}
+    assert with_older_values("mutation", {}) == with_older_values("nobody", {}) == {}
+    recipe = recipe_of(
+        "[[parents]]\nmap = 'lyon-1er'\n[[parents]]\nmap = 'new-york-west-village'\n"
+        "[[fitness]]\nname = 'gsi'\ngoal = 'max'\n[operators]\nasymmetric_fusion = 1\n",
+        tmp_path, {}, "a recipe",
+    )  # fmt: skip
+    assert recipe.operator("asymmetric_fusion").side == 0
+    assert recipe.operator("symmetric_fusion").share == 0.5
 
 
 # -- the operator ----------------------------------------------------------------------------
@@ -167,19 +251,22 @@ def test_a_turned_city_is_found_under_isometries_alone():
     repair=st.sampled_from([None, 0.5]),
     seed=st.integers(0, 50),
     block=st.sampled_from([2, 4, 8]),
+    side=st.sampled_from([None, 0.0, 24.0, 1e4]),
 )
-def test_a_city_in_its_own_stones_is_itself(isometries, alike, repair, seed, block):
+def test_a_city_in_its_own_stones_is_itself(isometries, alike, repair, seed, block, side):
     genome = uniformly(draw_town(seed, side=32, buildings=12), block=block).genome
-    fusion = AsymmetricFusion(isometries=isometries, alike=alike, repair=repair)
+    fusion = AsymmetricFusion(isometries, alike, side, repair=repair)
     child = fusion([genome, genome], generator())
     assert child == genome
     assert np.array_equal(stones(child), stones(genome))
 
 
+@pytest.mark.parametrize("side", [0.0, None])
 @pytest.mark.parametrize("turned", [False, True])
-def test_every_lifs_is_that_of_its_source_turned_at_most(genomes, turned):
+def test_every_lifs_is_that_of_its_source_turned_at_most(genomes, turned, side):
     first, second = genomes
-    draft = AsymmetricFusion(isometries=turned, repair=None).draft(genomes, generator())
+    fuse = AsymmetricFusion(isometries=turned, repair=None, side=side)
+    draft = fuse.draft(genomes, generator())
     child = draft.genome
     assert {child.cities[p] for p in child.parent} == {second.cities[0]}
     for name in NUCLEOTIDES:
@@ -197,7 +284,7 @@ def test_every_lifs_is_that_of_its_source_turned_at_most(genomes, turned):
 def test_the_order_of_the_parents_says_whose_plan_it_is(genomes):
     maps = [map_of(genome) for genome in genomes]
     for order in ([0, 1], [1, 0]):
-        child = AsymmetricFusion()([genomes[i] for i in order], generator())
+        child = AsymmetricFusion(side=0.0)([genomes[i] for i in order], generator())
         decoded = map_of(child)
         near, far = (np.sqrt(np.mean((decoded - maps[i]) ** 2)) for i in order)
         assert near < 0.5 * far
@@ -228,7 +315,7 @@ def test_provenance_reaches_back_over_generations(genomes):
 @pytest.mark.parametrize("bare", [0, 1])
 def test_a_bare_city_has_but_one_stone(genomes, bare):
     parents = [genomes[0], uniformly(town_of(np.zeros((64, 64)), "bare")).genome]
-    child = AsymmetricFusion(isometries=True)(parents[:: 1 if bare else -1], generator())
+    child = AsymmetricFusion(isometries=True, side=0.0)(parents[:: 1 if bare else -1], generator())
     if bare:
         assert child.uniform.all()
         assert (child.beta == 0).all()
@@ -241,7 +328,8 @@ def test_a_city_without_a_level_block_still_gives_its_closest():
     rng = np.random.default_rng(1)
     rough = uniformly(town_of(rng.random((32, 32)) * 20, "rough")).genome
     assert not rough.uniform.any()
-    child = AsymmetricFusion()([uniformly(town_of(np.zeros((32, 32)), "bare")).genome, rough], rng)
+    bare = uniformly(town_of(np.zeros((32, 32)), "bare")).genome
+    child = AsymmetricFusion(side=0.0)([bare, rough], rng)
     assert not child.uniform.any()
     assert len(set(stones(child).tolist())) <= 2  # that of least height, and what ties with it
 
@@ -283,5 +371,7 @@ def test_blocks_may_be_paired_in_part(genomes):
 
 
 def test_parameters_at_fault_are_told():
-    with pytest.raises(OperatorError, match=r"(?s)isometries = 1, alike = -1.*0 m or more"):
+    with pytest.raises(OperatorError, match=r"(?s)isometries = 1, .*alike = -1.*0 m or more"):
         AsymmetricFusion(isometries=1, alike=-1)
+    with pytest.raises(OperatorError, match=r"(?s)side = -8.*none for 5 range blocks"):
+        AsymmetricFusion(side=-8)

@@ -2,24 +2,27 @@
 
 from functools import cache
 
+import naive
 import numpy as np
 import pytest
 from codes import uniformly
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from leaves import draw_pavement
 from rearranged import assert_laws, district, odd_maps, town
 from towns import draw_town
 
 import evocity
 from evocity.citymap import BUILT_ABOVE, STOREY, CityMap
 from evocity.coding import decode, encode
-from evocity.coding.decode import CollageMap
+from evocity.coding.collage_map import CollageMap
 from evocity.condensation import Condensation
 from evocity.errors import OperatorError
 from evocity.fitness import fsi
 from evocity.fitness.heredity import integrity_of, whole_buildings
 from evocity.genome import Genome
 from evocity.operators import HeightField, HeightScaling
+from evocity.operators._kernels import block_moments
 from evocity.operators.building_heights import Storeys, refit_lifs
 from evocity.operators.grid import common_grid
 from evocity.operators.street_blocks import street_blocks
@@ -321,3 +324,15 @@ def test_all_faults_are_told_at_once():
     for factors in ((1,), (0, 1), (1, 20), (1, 1, 1)):
         with pytest.raises(OperatorError, match="factors"):
             HeightScaling(factors=factors)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_moments_of_blocks_against_their_naive_twin(seed):
+    pavement, rng = draw_pavement(seed), np.random.default_rng(seed)
+    shape = pavement.height, pavement.width
+    maps = [rng.uniform(0, 30, shape).astype(np.float32) for _ in range(4)]
+    free = rng.random(shape) < 0.7
+    squares = (*pavement.corners, pavement.side)
+    moments = np.empty((7, len(pavement)))
+    block_moments(*maps, free, *squares, moments)
+    assert np.array_equal(moments, naive.block_moments(*maps, free, *squares))

@@ -8,6 +8,7 @@ import pytest
 from codes import uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from leaves import draw_pavement
 from towns import draw_town
 
 from evocity import isometries
@@ -15,6 +16,7 @@ from evocity.coding import decode, encode
 from evocity.condensation import Condensation
 from evocity.genome import NUCLEOTIDES, Genome, refined
 from evocity.operators import collage_repair
+from evocity.operators._kernels import find_strays
 from evocity.operators.pavement_fusion import DirectFusion, PavementFusion
 from evocity.pavement import Pavement, common_refinement
 
@@ -195,3 +197,16 @@ def test_codes_that_diverge_on_leaves_are_tamed():
         child = DirectFusion()(parents, np.random.default_rng(seed))
         decode(child)  # raises if it diverges
         assert np.isinf(child.sigma_max)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("grain", [2, 4, 16])
+def test_strays_against_their_naive_twin(seed, grain):
+    pavement, rng = draw_pavement(seed), np.random.default_rng(seed)
+    intended = rng.uniform(0, 9, (pavement.height, pavement.width)).astype(np.float32)
+    heights = intended + rng.normal(0, 0.5, intended.shape).astype(np.float32)
+    ignored, where = rng.random(intended.shape) < 0.2, np.zeros(intended.shape, bool)
+    squares = (*pavement.corners, pavement.side, grain, 0.25, ignored)
+    find_strays(heights, intended, *squares, where)
+    assert np.array_equal(where, naive.strays(heights, intended, *squares))
+    assert where.any()

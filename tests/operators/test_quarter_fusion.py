@@ -109,6 +109,19 @@ def a_room(seed):
     return Room.of(host, number, float(rng.choice([0, 0.25, 1])), int(rng.integers(2))), host, donor
 
 
+@pytest.mark.parametrize("facades", [0.0, 0.25, 1.0])
+@pytest.mark.parametrize("seed", range(6))
+def test_rooms_against_their_naive_twin(seed, facades):
+    host = street_blocks(draw_town(seed, side=40, buildings=14), Pavement(40, 40, 2))
+    for number in np.unique(host.labels):
+        room = Room.of(host, number, facades)
+        corner, block, weights, density = naive.room(host.labels, host.built, number, facades)
+        assert (room.top, room.left, room.density) == (*corner, density)
+        assert np.array_equal(room.block, block)
+        assert room.weights.tobytes() == weights.tobytes()
+        assert not room.ring.any()
+
+
 @pytest.mark.parametrize("itself", [False, True])
 @pytest.mark.parametrize("seed", range(8))
 def test_the_kernel_against_its_naive_twin(seed, itself):

@@ -14,7 +14,7 @@ from towns import draw_town
 from evocity import isometries
 from evocity.citymap import CityMap
 from evocity.coding import decode, encode
-from evocity.coding.decode import CollageMap
+from evocity.coding.collage_map import CollageMap
 from evocity.errors import OperatorError
 from evocity.fitness.heredity import integrity_of, whole_buildings
 from evocity.genome import NUCLEOTIDES, Genome, unpacked

@@ -29,7 +29,7 @@ def test_its_ends_are_the_asymmetric_fusions(genomes, choose, isometries, repair
     how = {"isometries": isometries, "repair": repair}
     for share, order in ((0, genomes), (1, genomes[::-1])):
         child = SymmetricFusion(share=share, choose=choose, **how)(genomes, generator())
-        other = AsymmetricFusion(**how)(order, generator())
+        other = AsymmetricFusion(side=0.0, **how)(order, generator())
         assert child == other
         assert np.array_equal(stones(child), stones(other))
         assert child.cities == tuple(genome.cities[0] for genome in genomes)
@@ -55,7 +55,9 @@ def test_what_is_chosen_is_one_lifs_of_the_pair(genomes, grain):
     fusion = SymmetricFusion(share=0.4, grain=grain, repair=None)
     draft = fusion.draft(genomes, generator(3))
     child = draft.genome
-    ends = [AsymmetricFusion().draft(order, generator()) for order in (genomes, genomes[::-1])]
+    ends = [
+        AsymmetricFusion(side=0.0).draft(order, generator()) for order in (genomes, genomes[::-1])
+    ]
     chosen = (child.parent == 0).astype(int)  # the first parent's lifs build the second's plan
     assert chosen.mean() == pytest.approx(0.4, abs=0.002)
     for name in (*NUCLEOTIDES, "source"):
@@ -71,7 +73,7 @@ def test_what_is_chosen_is_one_lifs_of_the_pair(genomes, grain):
 def test_what_is_interpolated_lies_between_the_pair(genomes):
     draft = SymmetricFusion(share=0.25, choose=False, repair=None).draft(genomes, generator(3))
     theirs, ours = (
-        AsymmetricFusion().draft(order, generator()) for order in (genomes, genomes[::-1])
+        AsymmetricFusion(side=0.0).draft(order, generator()) for order in (genomes, genomes[::-1])
     )
     a, b, child = ours.genome, theirs.genome, draft.genome
     assert child.beta == pytest.approx(0.25 * a.beta + 0.75 * b.beta, abs=1e-4)

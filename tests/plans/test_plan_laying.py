@@ -167,7 +167,11 @@ def test_the_kernels_of_candidates_score_as_their_naive_twin(cities):
         60.0, 0.5, 0.6, 0.1, 0.2,
     )  # fmt: skip
     scores = np.empty(12)
-    score_candidates(*arguments, candidates, scores)
+    score_candidates(*arguments, candidates, -np.inf, scores)
+    for floor in np.linspace(-1.5, 1, 11):
+        above = np.empty(12)
+        score_candidates(*arguments, candidates, floor, above)
+        assert ((above == scores) | ((above == -np.inf) & (scores < floor))).all()
 
     def true_score(candidate):
         return naive.score_candidate(_gene(candidate, 5, "x"), *arguments)

@@ -1,5 +1,7 @@
 """What a plot shows is what the run holds, in places, numbers and colours."""
 
+from types import SimpleNamespace
+
 import matplotlib
 import numpy as np
 import pytest
@@ -9,9 +11,9 @@ from matplotlib.figure import Figure
 from evocity import plot
 from evocity.analysis.thumbnails import highest_of
 from evocity.coding.usage import usage
-from evocity.errors import EvocityError
+from evocity.errors import EvocityError, RunError
 from evocity.pictures import city_colours, render
-from evocity.plot.fronts import _wide_apart
+from evocity.plot.fronts import _axes, _wide_apart
 from evocity.plot.generations import in_place, quantiles
 from evocity.plot.style import BROKEN, LIVING, PAPERS, fold
 from evocity.selection.fronts import Hypervolume
@@ -171,6 +173,23 @@ def test_front_draws_each_birth_once_where_it_lies(run):
     for at in maps:
         one = int(at.texts[0].get_text())
         assert one in ids[ranks == 0]
+
+
+def test_the_axes_of_a_front_are_the_two_goals(run):
+    names = [aim.name for aim in run.columns.sought]
+    two = SimpleNamespace(sought=run.columns.sought[:2], run=run)
+    assert _axes(two, None, None) == tuple(names[:2])
+    assert _axes(two, names[1], None) == (names[1], names[0])
+    assert _axes(two, None, names[0]) == (names[1], names[0])
+    assert _axes(two, None, "gsi") == (names[0], "gsi")
+    assert _axes(two, "x", "y") == ("x", "y")
+    for sought in (run.columns.sought[:1], [*run.columns.sought, *run.columns.sought][:3], []):
+        with pytest.raises(RunError, match=r"measures\s+with a goal"):
+            _axes(SimpleNamespace(sought=sought, run=run), None, None)
+    if len(names) == 2:
+        plain, named = (plot.front(run, *axes, thumbnails=0) for axes in ((), names))
+        assert plain.get_xlabel() == named.get_xlabel()
+        assert plain.get_ylabel() == named.get_ylabel()
 
 
 def test_a_front_of_some_draws_these_alone(run):

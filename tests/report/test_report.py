@@ -31,7 +31,7 @@ from evocity.errors import RunError
 from evocity.fitness.heredity import integrity_of
 from evocity.operators.crossover import assemble
 from evocity.pictures.picture import render
-from evocity.report import contact_sheet, failures, write_report
+from evocity.report import contact_sheet, failures, html, write_report
 from evocity.report.html import WORDS, html_of, measure_texts, other_measures, search_for
 from evocity.store import RunLog
 from evocity.templates import data_uri, of_few_colours
@@ -138,6 +138,17 @@ def test_the_page_holds_its_document_its_births_and_their_pictures(usual):
         top, left = divmod(place, data["pictures"]["across"])
         cell = seen[top * tall : (top + 1) * tall, left * wide : (left + 1) * wide]
         assert np.array_equal(cell, pictures[one])
+
+
+def test_pictures_become_smaller_and_fewer_until_they_fit(usual, monkeypatch):
+    page = RunPage(evocity.open_run(usual[0]))
+    whole = html.picture_sheet(page)
+    for most in (len(whole.image) - 1, len(whole.image) // 4, 200, 0):
+        monkeypatch.setattr(html, "MOST_BYTES", most)
+        sheet = html.picture_sheet(page)
+        assert len(sheet.image) <= most
+        assert sheet.ids == whole.ids[: len(sheet.ids)]  # the births to keep come first
+        assert sheet.width <= whole.width
 
 
 def test_it_lies_in_the_run_folder(usual):

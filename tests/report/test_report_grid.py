@@ -9,8 +9,8 @@ from PIL import Image
 
 import evocity
 from evocity.cli import main
+from evocity.report import contact_sheet, grid_picture, run_picture, write_report
 from evocity.report import grid as room
-from evocity.report import grid_picture, run_picture, write_report
 from evocity.search import Search, read_recipe
 
 RECIPE = """
@@ -36,46 +36,12 @@ def small(tmp_path_factory):
     return bred(tmp_path_factory.mktemp("grid"))
 
 
-def cells_drawn(picture, layout, count) -> set[tuple[int, int]]:
-    """Cells that hold more than bare ground."""
-    pixels = np.asarray(picture)
-    found = set()
-    for place in np.ndindex(*count):
-        left, top = layout.corner(place)
-        inside = pixels[top + 4 : top + layout.side - 4, left + 4 : left + layout.side - 4]
-        if (inside != np.array(room.GROUND)).any():
-            found.add(place)
-    return found
-
-
-def test_maps_lie_in_the_filled_cells(small):
-    bins = small.columns.grids[None]
+def test_the_picture_of_a_run_is_its_grid(small, monkeypatch):
     picture = run_picture(small)
-    layout = room._Layout.of(bins)
-    assert layout.maps
-    births = evocity.archive(small).births.to_pydict()
-    filled = set(zip(births["cell.gsi"], births["cell.fsi"], strict=True))
-    assert cells_drawn(picture, layout, (4, 3)) == filled
-    assert 1 < len(filled) < 12
-    # the second descriptor runs upwards
-    assert layout.corner((0, 2))[1] < layout.corner((0, 0))[1]
-    assert layout.corner((1, 0))[0] > layout.corner((0, 0))[0]
-
-
-def test_many_cells_are_colours(small, monkeypatch):
-    monkeypatch.setattr(room, "_MOST_MAPS", 0)
-    bins = small.columns.grids[None]
-    layout = room._Layout.of(bins)
-    assert not layout.maps
-    monkeypatch.setattr(room, "cities_of", None)  # no map is decoded
-    births = bins.births.to_pydict()
-    filled = set(zip(births["cell.gsi"], births["cell.fsi"], strict=True))
-    picture = grid_picture(small)
-    assert cells_drawn(picture, layout, (4, 3)) == filled
-    best = bins.grid.places(births["cell"])[int(bins.worth.argmax())]
-    left, top = layout.corner(best)
-    middle = left + layout.side // 2, top + layout.side // 2
-    assert picture.getpixel(middle) == room._BAR
+    assert np.array_equal(picture, grid_picture(small))
+    assert len(np.unique(np.asarray(picture).reshape(-1, 3), axis=0)) > 100  # maps
+    monkeypatch.setattr(room, "find_spec", lambda name: None)
+    assert np.array_equal(run_picture(small), contact_sheet(small))  # without matplotlib
 
 
 def test_a_third_descriptor_makes_slices(tmp_path):
@@ -85,30 +51,20 @@ def test_a_third_descriptor_makes_slices(tmp_path):
         "[3, 3, 4]",
         "[[0, 1], [0, 9], [0, 40]]",
     )
-    bins = run.columns.grids[None]
-    layout = room._Layout.of(bins)
-    births = bins.births.to_pydict()
-    assert layout.slices == tuple(sorted(set(births["cell.mean_height"])))
-    picture = grid_picture(run)
-    assert picture.size[0] == layout.width
-    places = zip(births["cell.gsi"], births["cell.fsi"], births["cell.mean_height"], strict=True)
-    for place in places:
-        left, top = layout.corner(place)
-        assert 0 < left < left + layout.side < picture.width
-        assert 0 < top < top + layout.side < layout.low
-    empty = next(k for k in range(4) if k not in layout.slices)
-    assert layout.corner((0, 0, empty)) is None
+    assert min(grid_picture(run).size) > 400
+    with pytest.raises(ValueError, match="without a grid"):
+        grid_picture(run, "x")
 
 
 def test_grids_of_any_size_are_drawn(small, monkeypatch):
-    from evocity.search.record.grid import binned
+    from evocity.plot import grids
     from evocity.selection.cells import Grid
 
     for counts in ((1, 1), (1, 1000), (1000, 1000), (2, 37)):
         grid = Grid(("gsi", "fsi"), counts, ((0.0, 1.0), (0.0, 9.0)))
-        monkeypatch.setitem(small.columns.grids, None, binned(small, grid))
+        monkeypatch.setattr(grids, "grid_of_run", lambda run, island, grid=grid: grid)
         width, height = grid_picture(small).size
-        assert max(width, height) < 1800
+        assert max(width, height) < 2400
 
 
 def test_the_report_has_the_grid_and_the_figures(small, tmp_path):

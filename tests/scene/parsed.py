@@ -135,6 +135,18 @@ def _placed(solids: list[np.ndarray], translation: str, scale: str) -> np.ndarra
     return _z_up(np.concatenate(solids) * _numbers(scale) + _numbers(translation))
 
 
+# Points, faces, and where there are two materials, their colours and the colour of each face.
+_VRML_FACES = re.compile(
+    r"IndexedFaceSet\{coord Coordinate\{point\[(.*?)\]\}coordIndex\[(.*?)\]"
+    r"(?: colorPerVertex FALSE color Color\{color\[(.*?)\]\}colorIndex\[(.*?)\])?\}"
+)
+
+
+def vrml_faces(text: str) -> list[tuple[str, str, str, str]]:
+    """Points, faces, colours and the colour of each face, of each shape of a .wrl in order."""
+    return _VRML_FACES.findall(text.replace("\ncolor", " color"))
+
+
 def _wrl(path: Path) -> Triangles:
     text = path.read_text(encoding="utf-8")
     assert text.startswith("#VRML V2.0 utf8\n")
@@ -144,7 +156,8 @@ def _wrl(path: Path) -> Triangles:
         r"^DEF (\S+) Group \{ children \[$(.*?)^\] \}$", text, re.M | re.S
     ):
         solids, own = [], set()
-        for line in shapes.strip().replace("\ngeometry", " geometry").splitlines():
+        joined = shapes.strip().replace("\ngeometry", " geometry").replace("\ncolor", " color")
+        for line in joined.splitlines():
             label, look, geometry = re.fullmatch(
                 r"DEF (\S+) Shape\{appearance (.*) geometry (\w+\{.*\})\}", line
             ).groups()
@@ -153,8 +166,8 @@ def _wrl(path: Path) -> Triangles:
                 looks[look.split()[1]] = look
             else:
                 assert look.removeprefix("USE ") in looks
-            pattern = r"IndexedFaceSet\{coord Coordinate\{point\[(.*)\]\}coordIndex\[(.*)\]\}"
-            solids.append(_indexed(*re.fullmatch(pattern, geometry).groups()))
+            points, faces, *_ = _VRML_FACES.fullmatch(geometry).groups()
+            solids.append(_indexed(points, faces))
         assert len(own) == len(solids)
         found[name] = _placed(solids, *how)
     return found

@@ -11,7 +11,7 @@ from towns import draw_town
 
 from evocity import CityMap
 from evocity.errors import MapError
-from evocity.scene import fabric_edges, facades, skyline, street_axes
+from evocity.scene import fabric_edges, facades, picture_outline, skyline, street_axes
 from evocity.shapes import Detailed, crossing_of, fit_curve, line_dimension, resampled, rms_of
 
 TOWN = draw_town(3, side=96)
@@ -145,3 +145,34 @@ def test_a_skyline_is_measured_by_its_dimension_and_its_detail():
 def test_what_has_no_lines_is_told(fault, says):
     with pytest.raises(MapError, match=says):
         fault()
+
+
+def test_the_outline_of_a_picture_begins_at_its_lowest_point_and_holds_its_largest_area():
+    dark = np.zeros((40, 60), bool)
+    dark[5:30, 10:50] = True
+    dark[10:15, 20:30] = False  # a hole is left out
+    dark[30:38, 28:30] = True  # a stem
+    dark[36:39, 3:6] = True  # a smaller area
+    line = picture_outline(dark)
+    assert (line[0] == line[-1]).all()
+    assert line[0, 1] == line[:, 1].min() == 2
+    shape = shapely.Polygon(line)
+    assert shape.is_valid
+    assert shape.bounds == (10, 2, 50, 35)
+    assert shape.area == pytest.approx(25 * 40 + 8 * 2, abs=2)
+    np.testing.assert_allclose(
+        shapely.Polygon(picture_outline(np.ones((7, 9), bool))).bounds, (0, 0, 9, 7)
+    )
+    apart = dark.copy()
+    apart[:, 40:42] = False
+    assert shapely.Polygon(picture_outline(apart, 2)).bounds == shape.bounds
+
+
+@pytest.mark.parametrize(
+    ("dark", "reach"),
+    [(np.zeros((4, 4), bool), 0), (np.ones(4, bool), 0), (np.ones((4, 4)), 0),
+     (np.ones((4, 4), bool), -1), (np.ones((4, 4), bool), float("nan"))],
+)  # fmt: skip
+def test_a_picture_without_an_outline_is_refused(dark, reach):
+    with pytest.raises(MapError):
+        picture_outline(dark, reach)

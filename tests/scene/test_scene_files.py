@@ -376,6 +376,34 @@ def test_view3dscene_reads_it_in_silence(scene, tmp_path, suffix):
     assert told.stdout.count(b"<Shape") == sum(len(group) for group in scene.groups)
 
 
+def test_faces_of_vrml_and_x3d_have_the_colours_of_their_materials(tmp_path):
+    scene = evocity.scene(evocity.read_map("lyon-1er"), roofs=True)
+    for suffix in (".wrl", ".x3d"):
+        scene.write(tmp_path / f"a{suffix}")
+    shapes = []
+    for face_set in ElementTree.parse(tmp_path / "a.x3d").getroot().iter("IndexedFaceSet"):
+        colours = [one.get("color") for one in face_set.iter("Color")]
+        (points,) = face_set.iter("Coordinate")
+        texts = points.get("point"), face_set.get("coordIndex"), face_set.get("colorIndex") or ""
+        shapes.append((*texts[:2], *(colours or [""]), texts[2]))
+    text = (tmp_path / "a.wrl").read_text(encoding="utf-8")
+    given = parsed.vrml_faces(text)
+    assert [(a, b, c.replace(",", ""), d) for a, b, c, d in given] == shapes
+    owners = [(group, k) for group in scene.groups for k in range(len(group))]
+    for (group, k), (_, faces, colours, parts) in zip(owners, shapes, strict=True):
+        walls, roofs = materials_of(group)
+        assert bool(colours) == (walls != roofs)
+        if not colours:
+            continue
+        expected = [*walls.colour, *roofs.colour]
+        assert [float(c) for c in colours.split()] == pytest.approx(expected, abs=1e-4)
+        assert len(parts.split()) == faces.count("-1")
+        if group.name == "building":
+            mesh = group.mesh
+            roof = (mesh.part == ROOF) & (mesh.owner == k)
+            assert parts.split().count("1") == roof.sum()
+
+
 VOLUMES = """
 import { readFileSync } from "fs";
 import { Vector3 } from "three";

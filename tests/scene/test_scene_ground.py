@@ -16,6 +16,7 @@ import evocity
 from evocity.errors import MapError
 from evocity.formats.materials import GROUND, MATERIALS, is_surface
 from evocity.formats.solids import WALL
+from evocity.formats.trees import form_of
 from evocity.scene.noding import join_nodes
 from evocity.views.surfaces import KINDS
 
@@ -27,13 +28,26 @@ def scene_of(name: str, **how):
 
 
 @pytest.mark.parametrize("how", [{}, {"lod": "1.2"}, {"lod": "1.0"}, {"roofs": True}])
-@pytest.mark.parametrize("name", ["drawn", "new-york-west-village"])
+@pytest.mark.parametrize("name", ["drawn", "new-york-west-village", "lyon-1er"])
 def test_surfaces_and_buildings_are_one_coverage(name, how):
     scene = scene_of(name, **how)
-    groups = [one for one in scene.groups if is_surface(one) or "id" in one.attributes]
+    groups = [
+        one
+        for one in scene.groups
+        if is_surface(one) or ("id" in one.attributes and form_of(one) is None)
+    ]
     polygons = np.concatenate([group.polygons for group in groups])
     assert shapely.coverage_is_valid(polygons)
     assert shapely.area(polygons).sum() == pytest.approx(scene.city.area, rel=1e-6)
+
+
+def test_the_ground_has_no_hole_below_a_tree():
+    scene = scene_of("lyon-1er")
+    (tree,) = [one for one in scene.groups if one.name == "tree"]
+    (ground,) = [one for one in scene.groups if one.name == "ground"]
+    assert len(tree) == 1
+    assert shapely.covers(shapely.union_all(ground.polygons), tree.polygons[0])
+    assert ground.level == 0
 
 
 @pytest.mark.parametrize("name", ["drawn", "new-york-west-village"])

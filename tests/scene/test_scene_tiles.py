@@ -76,6 +76,21 @@ def solids_of(folder: Path) -> list[tuple]:
     return found
 
 
+def check_solids(found: list[tuple], expected: list[tuple]) -> None:
+    """Whether both lists have the same facts and footprints; those found may also have points in
+    straight walls, at the borders of tiles."""
+    found = [(about, shapely.from_wkb(plan)) for about, plan in found]
+    pair = (sorted(one, key=lambda one: (str(one[0]), one[1].bounds)) for one in (found, expected))
+    more = 0
+    for (about, plan), (other, whole) in zip(*pair, strict=True):
+        assert about == other
+        own, corners = (shapely.get_coordinates(polygon) for polygon in (plan, whole))
+        assert set(map(tuple, corners.tolist())) <= set(map(tuple, own.tolist()))
+        assert shapely.hausdorff_distance(plan, whole) <= 1
+        more += len(own) - len(corners)
+    assert more > 0
+
+
 def open_borders(folder: Path, level: str, lines: list[float]) -> int:
     """Join the tiles, and count edges of the ground on the ``lines`` that have no partner: neither
     ground nor the foot of a wall."""
@@ -104,10 +119,37 @@ def test_each_building_is_in_one_tile_as_a_whole(written):
             continue
         ids = group.attributes.get("id", [None] * len(group))
         for own, polygon, height in zip(ids, group.polygons, group.heights, strict=True):
-            plan = shapely.normalize(shapely.transform(polygon, lambda p: np.round(p * 1000)))
-            expected.append((own, group.name, round(height * 1000), plan.wkb))
-    assert sorted(solids_of(folder), key=str) == sorted(expected, key=str)
+            plan = shapely.transform(polygon, lambda p: np.round(p * 1000))
+            expected.append(((own, group.name, round(height * 1000)), plan))
+    check_solids([(one[:3], one[3]) for one in solids_of(folder)], expected)
     assert facts["buildings"]["1.3"] == len(scene.walls)
+
+
+@pytest.mark.parametrize("level", ["1.3", "2.2", "1.2", "1.0"])
+def test_a_wall_across_a_border_has_the_points_of_the_ground(level, tmp_path):
+    """Each edge of the joined ground has a partner: ground, a kerb, or the foot of a wall."""
+    scene = evocity.scene(town(), streets=True, lod=level if level == "2.2" else None)
+    write_tiles(scene, tmp_path / "t", SIDE, levels=[level])
+    ground, walls = [], []
+    for path in sorted((tmp_path / "t" / level).glob("*.glb")):
+        for name, triangles in parsed.read(path).items():
+            (ground if name in KINDS else walls).append(triangles)
+    ground, count = np.concatenate(ground), sum(map(len, ground))
+    every = np.concatenate([ground, *walls]).astype(np.float32)
+    points, index = np.unique(every.reshape(-1, 3), axis=0, return_inverse=True)
+    index = index.reshape(-1, 3)
+    way = {(a, b) for row in index.tolist() for a, b in zip(row, row[1:] + row[:1], strict=True)}
+    own = [
+        (a, b)
+        for row in index[:count].tolist()
+        for a, b in zip(row, row[1:] + row[:1], strict=True)
+    ]
+    alone = np.array([(a, b) for a, b in own if (b, a) not in way])
+    begin, end = (points[alone[:, k], :2] for k in (0, 1))
+    wide = 2.0 * town().shape[0]
+    outer = [(begin[:, k] == side) & (end[:, k] == side) for k in (0, 1) for side in (0, wide)]
+    assert np.logical_or.reduce(outer).all()
+    assert sum(map(len, walls)) > 100
 
 
 @pytest.mark.parametrize("level", ["1.3", "1.2", "1.0", "afar"])
@@ -261,9 +303,8 @@ def test_lines_have_another_reference_system(tmp_path):
         for own, polygon in zip(ids, group.polygons, strict=True):
             plan = shapely.transform(polygon, lambda p: np.round(p * 1000))
             if not is_surface(group):
-                expected.append((own, shapely.normalize(plan).wkb))
-    solids = solids_of(tmp_path / "t")
-    assert sorted(((one[0], one[3]) for one in solids), key=str) == sorted(expected, key=str)
+                expected.append((own, plan))
+    check_solids([(one[0], one[3]) for one in solids_of(tmp_path / "t")], expected)
     for path in tmp_path.glob("own/*/*.glb"):  # tiles on the globe stay where they are
         other = tmp_path / "t" / path.parent.name / path.name
         assert path.read_bytes() == other.read_bytes()
@@ -286,10 +327,11 @@ def test_other_settings_are_refused(tmp_path):
     write_tiles(scene, tmp_path / "t", SIDE, settings=settings)
     check_tiles_folder(tmp_path / "t")
     check_tiles_folder(tmp_path / "t", settings | {"share": (0.5, 1.0)})
-    for wrong, names in (({}, "genomes, seed, share"), (settings | {"seed": 4}, "seed")):
-        with pytest.raises(MapError, match=f"another fabric, which differs in {names}\n"):
+    more = {"seed": 4, "share": None}
+    for wrong, says in (({}, ", or tiles"), (settings | more, ", which differs in seed, share\n")):
+        with pytest.raises(MapError, match=f"another fabric{says}"):
             check_tiles_folder(tmp_path / "t", wrong)
-        with pytest.raises(MapError, match=f"another fabric, which differs in {names}\n"):
+        with pytest.raises(MapError, match=f"another fabric{says}"):
             write_tiles(scene, tmp_path / "t", SIDE, settings=wrong)
 
 
@@ -317,6 +359,9 @@ def test_bad_input_leaves_folders_as_they_were(tmp_path):
     scene = evocity.scene(town())
     with pytest.raises(MapError, match="tiles of 40 px do not divide the map of 96 × 96 px"):
         write_tiles(scene, tmp_path / "t", 40)
+    odd = CityMap(np.full((90, 97), 6.0, np.float32), 2.0)  # no side divides both
+    with pytest.raises(MapError, match="choose a map of 96 × 96 px"):
+        write_tiles(evocity.scene(odd), tmp_path / "t", 48)
     for side in (0, 8, 2.5, True):
         with pytest.raises(MapError, match="side"):
             write_tiles(scene, tmp_path / "t", side)

@@ -236,7 +236,7 @@ def test_what_waits_and_what_was_refused_is_told(toy, tmp_path):
         lines.write('no JSON\n{"command": "pick", "ids": [99]}\n')
     asked = command_state(RunLog(out))
     assert [one.words for one in asked.pending] == [
-        "picked: 1 3, first parents of 25% of the births",
+        "picked: 1 3, first parents of 25 % of the births",
         "no longer picked: 3",
         "picked: 99",
     ]

@@ -5,6 +5,7 @@ from dataclasses import replace
 from datetime import timedelta
 
 import pytest
+from test_search_recipe import replaced
 from test_search_run import run
 from test_search_stopping import EVENING
 
@@ -27,7 +28,8 @@ def test_the_estimate_is_near_what_the_run_takes(toy, tmp_path):
     run(toy(), tmp_path / "whole", workers=0, generations=12)
     size = size_of(tmp_path / "whole")
     assert 0.7 * size < found.size < 1.4 * size
-    assert "about 104 births of" in found.words
+    assert found.sizes[0] < size < found.sizes[1]
+    assert "104 births of" in found.words
     assert "free) and 0:0" in found.words
 
 
@@ -45,13 +47,29 @@ def test_where_genomes_are_left_out_it_waits_for_a_generation_like_those_to_come
     assert 0.7 * size < found[1].size < 1.4 * size
 
 
+@pytest.mark.slow
+def test_the_range_of_sizes_holds_nine_of_ten_times(toy, tmp_path):
+    held = 0
+    for seed in range(10):
+        path = replaced(toy(generations=5), "seed = 3", f"seed = {seed}")
+        with Search(read_recipe(path), out=tmp_path / f"run-{seed}", workers=0) as search:
+            found = estimate_of(tmp_path / f"run-{seed}", search.recipe, next(iter(search)))
+            list(search)
+        held += found.sizes[0] <= size_of(tmp_path / f"run-{seed}") <= found.sizes[1]
+    assert held >= 9
+
+
 def test_a_disk_that_is_too_small_is_told():
     found = Estimate(births=12_800, size=207_000_000, free=100_000_000, seconds=2700.0)
     assert found.words == (
-        "about 12800 births of 16.2 kB: 207 MB of the disk (100 MB free) and 0:45:00 more"
+        "12800 births of 11.3 kB to 40.4 kB: 145 MB to 518 MB of the disk (100 MB free) and "
+        "0:22:30 to 2:15:00 more"
     )
-    assert "about 207 MB are needed, 100 MB are free" in found.warning
-    assert replace(found, free=207_000_000).warning == ""
+    assert "the disk will not hold this run: about 207 MB are needed, at most 518 MB; 100 MB" in (
+        found.warning
+    )
+    assert "the disk may not hold" in replace(found, free=207_000_000).warning
+    assert replace(found, free=518_000_000).warning == ""
     limited = replace(found, needed=50_000_000, last=30, stop="disk = 50 MB")
     assert limited.words.endswith("; [stop] disk = 50 MB ends it by about generation 30")
     assert limited.warning == ""

@@ -2,8 +2,11 @@
 
 import math
 import re
+from dataclasses import replace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from test_search_recipe import replaced
 from test_search_run import run
 
@@ -14,6 +17,9 @@ from evocity.fitness import Constraint, Measure
 from evocity.recipe.mixture import plan_operators
 from evocity.report import unrecorded, write_report
 from evocity.search import Search, archive, read_recipe
+from evocity.search.calibration.calibration import _note_idle, _note_unkept
+from evocity.search.calibration.guard import OF_FABRIC, calibrate_bound, tighten_bound
+from evocity.search.calibration.recipe_text import Bound, Goal
 from evocity.search.preparation.constraints import ParentConstraint, describe_unkept, round_bound
 from evocity.search.preparation.constraints import parent_constraints as bounds_of
 from evocity.search.preparation.preparation import prepare
@@ -235,4 +241,57 @@ def test_the_demonstration_has_a_guard_that_its_parents_keep():
         "gsi": (0.179, 0.668),
         "fsi": (0.682, 5.44),
     }
-    assert dict(recipe.operators) == plan_operators()
+    weights = {name: entry.weight for name, entry in recipe.operators.items()}
+    assert weights == {name: entry.weight for name, entry in plan_operators().items()}
+
+
+# -- the guard of a new recipe -----------------------------------------------------------------
+
+
+@given(
+    st.sampled_from(OF_FABRIC),
+    st.lists(st.tuples(st.floats(0, 50), st.floats(0, 50)), min_size=2, max_size=4),
+    st.floats(0, 60),
+)
+def test_all_codes_keep_the_guard_and_a_heap_breaks_it_or_a_note_says_so(name, pairs, heap):
+    values = {str(k): pair for k, pair in enumerate(pairs)}
+    usual = calibrate_bound(fitness.get(name), values)
+    bound, note = tighten_bound(usual, values, heap)
+    assert all(code <= bound.max for _, code in pairs)
+    assert bound.max <= usual.max
+    assert (heap > bound.max) == (not note)
+    assert (bound == usual) == (heap > usual.max or bool(note))
+    assert "bounds nothing" in note or not note
+
+
+def test_the_guard_of_coarse_pixels_is_tightened():
+    """Values of Lyon and Montpellier at 4 m, and of a heap of both."""
+    far = {"lyon": (-0.015, 0.375), "montpellier": (-0.038, -0.024)}
+    usual = calibrate_bound(fitness.fabric_distance, far)
+    assert usual.max == 0.75
+    assert tighten_bound(usual, far, 0.72) == (replace(usual, max=0.548, tightened=True), "")
+    few = {"lyon": (1.83, 10.8), "montpellier": (1.22, 1.53)}
+    small = calibrate_bound(fitness.small_buildings, few)
+    assert (small.max, small.relaxed) == (10.8, True)
+    strips = {"lyon": (0.153, 0.469), "montpellier": (0.176, 0.198)}
+    loose = calibrate_bound(fitness.slivers, strips)
+    bound, note = tighten_bound(loose, strips, 0.417)
+    assert bound == loose
+    assert "smaller pixels" in note
+
+
+def test_bounds_that_no_code_keeps_or_that_bound_nothing_are_noted():
+    def goal(measure, **bounds):
+        return Goal(measure, bounds=bounds, is_constraint=True)
+
+    values = {"gsi": {"a": (0.5, 0.6), "b": (0.2, 0.25)}, "smallest_share": {"a": (0.0, 0.0)}}
+    kept, unkept = goal(fitness.gsi, max=0.3), goal(fitness.gsi, min=0.45, max=0.55)
+    assert _note_unkept([kept], [], values) == []
+    (note,) = _note_unkept([unkept], [], values)
+    assert "no parent's own code keeps min = 0.45 and max = 0.55" in note
+    assert _note_unkept([goal(fitness.gsi, min=0.9)], [], values) == []  # as no map keeps it
+    (note,) = _note_unkept([], [Bound(fitness.gsi, min=0.9)], values)
+    assert "the codes have 0.6, 0.25" in note
+    assert _note_unkept([], [Bound(fitness.smallest_share, min=0.2)], values) == []
+    (note,) = _note_idle([goal(fitness.gsi, min=0.0, max=1.0), kept])
+    assert note.startswith("gsi: its bounds bound nothing")

@@ -592,7 +592,7 @@ def test_the_line_that_shows_a_run_tells_of_islands(toy):
         line = progress_line(generation := next(iter(search)), 3, {})
     volume = generation.islands["towers"]["hypervolume"]
     assert f" · towers {volume:.4g} · " in line
-    assert re.search(r" · cells \S+ \(\d+% filled\) · ", line)
+    assert re.search(r" · cells \S+ \(\d+ % filled\) · ", line)
 
 
 def test_a_report_of_a_stranger_s_islands_is_no_harm(toy, tmp_path):

@@ -1,5 +1,7 @@
 """A locked quarter is the same in every individual of a run, pixel for pixel."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from codes import uniformly
@@ -7,12 +9,14 @@ from test_search_recipe import faults
 from test_search_run import rows, run
 from toy_runs import without_digests
 
+import evocity
 from evocity.coding import decode
 from evocity.condensation import Condensation
 from evocity.errors import GenomeError, MapError, RecipeError, RunError
 from evocity.evaluation.evaluator import Evaluator
 from evocity.io import write_map
 from evocity.search import Search, read_recipe
+from evocity.search.preparation import preparation
 from evocity.search.preparation.preparation import prepare
 from evocity.store import RunLog
 
@@ -82,6 +86,62 @@ def test_the_measures_see_what_is_locked(quarter, tmp_path):
     log = RunLog(tmp_path / "run")
     for birth in log.individuals(range(8)):
         assert birth.values["roof"] == float(decode(birth.genome).city.heights.mean())
+
+
+# -- shares of the parents ------------------------------------------------------------------------
+
+SHARES = LOCKED + '[[fitness]]\nname = "smallest_share"\nmin = 0.05\n'
+
+
+def shares_by_pixel(genome, counted):
+    """The smallest share of the cities in what is built in the pixels that are ``counted``."""
+    parents = genome.pavement.raster(genome.parent)[decode(genome).city.built & counted]
+    counts = np.bincount(parents, minlength=2)[:2]
+    return counts.min() / counts.sum()
+
+
+def check_shares(out, counted):
+    log = RunLog(out)
+    for birth in log.individuals(log.births()["id"].to_pylist()):
+        expected = shares_by_pixel(birth.genome, counted)
+        assert birth.values["smallest_share"] == pytest.approx(expected, abs=1e-12)
+    assert all(one.same for one in evocity.replay(out, range(8, 24)))
+
+
+def test_locked_pixels_do_not_count_in_the_smallest_share(quarter, tmp_path):
+    out = tmp_path / "run"
+    run(quarter(SHARES, generations=3), out, workers=0)
+    header = RunLog(out).header
+    assert (header.shares, header.schema_version) == ("free", 12)
+    check_shares(out, ~MASK)
+
+
+def test_older_runs_count_locked_pixels_as_before(quarter, tmp_path, monkeypatch):
+    """A run that an older release began: its births are resumed and replayed with its values."""
+    out, made = tmp_path / "run", preparation._header
+
+    def older(*arguments):
+        return dataclasses.replace(made(*arguments), shares="all")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(preparation, "_header", older)
+        run(quarter(SHARES, generations=2), out, workers=0)
+    header = RunLog(out).header
+    assert (header.shares, header.schema_version) == (
+        "all",
+        5 if header.marks != ("crowding",) else 3,
+    )
+    with Search.resume(out, generations=3, workers=0) as search:
+        assert [one.number for one in search] == [3]
+    check_shares(out, MASK | True)
+
+
+def test_a_parent_that_stands_in_the_lock_is_told_before_the_first_birth(quarter, tmp_path):
+    path = quarter(SHARES)
+    np.save(tmp_path / "right.npy", np.where(MASK, np.load(tmp_path / "right.npy"), 0))
+    with pytest.raises(RecipeError, match=r"all buildings of right stand in locked pixels"):
+        run(path, tmp_path / "run", workers=0)
+    assert not (tmp_path / "run").exists()
 
 
 # -- what stands there ------------------------------------------------------------------------

@@ -1,7 +1,9 @@
 """Niches of plans: who lives, which births are twins, which parents cross; shares of parents."""
 
 from collections import Counter
+from dataclasses import replace
 
+import naive
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -19,7 +21,7 @@ from evocity.search.preparation.constraints import ParentConstraint, describe_un
 from evocity.selection.algorithms import algorithms
 from evocity.selection.cells import ranges_around
 from evocity.selection.individual import Individual
-from evocity.selection.niches import Twins, choose_by_plan
+from evocity.selection.niches import Twins, choose_by_plan, source_of, thin_out
 from evocity.selection.thumbprints import look_of
 
 PLANS = ((None, False), ("a", False), ("b", False), ("a+1", True), ("b+2", True), ("b+3", True))
@@ -42,25 +44,93 @@ def living(plans, losses=None, violations=None):
     ]
 
 
-@given(DRAWN, st.integers(1, 16), st.integers(0, 4), st.floats(0, 1))
-def test_niches_have_limits_and_places(plans, count, most, share):
-    candidates = living(plans)
-    chosen = choose_by_plan(candidates, count, most, share)
+@given(DRAWN, st.integers(1, 16), st.integers(0, 4), st.floats(0, 1), st.integers(0, 2**32))
+def test_niches_have_limits_and_places(plans, count, most, share, seed):
+    rng = np.random.default_rng(seed)
+    candidates = living(plans, violations=np.sort(rng.integers(0, 3, len(plans))))
+    looks = rng.integers(0, 90, (len(plans), 12)).astype(np.uint16)
+    chosen = choose_by_plan(candidates, count, most, share, rng.choice([None, 1]) and looks)
     assert chosen == sorted(set(chosen))
     assert len(chosen) <= count
     taken = [candidates[at] for at in chosen]
     lives = Counter(one.plan for one in taken if one.changed)
     assert not most or max(lives.values(), default=0) <= most
-    sources = sorted({one.plan for one in candidates if one.plan and not one.changed})
-    places = int(share * count / len(sources)) if share and sources else 0
+    sources = sorted({source_of(one) for one in candidates if one.plan})
+    places = max(1, int(share * count / len(sources))) if share and sources else 0
+    half = -(-places // 2)
+    enough = places * len(sources) <= count
     for name in sources:
-        own = sum(one.plan == name for one in candidates)
-        assert sum(one.plan == name for one in taken) >= min(own, places)
+        kept = [one.id for one in candidates if one.plan == name and not one.violation]
+        lives_on = [one for one in taken if one.plan == name]
+        if enough and places:
+            assert sum(not one.violation for one in lives_on) >= min(len(kept), half)
+            assert lives_on or name not in {one.plan for one in candidates}
     if len(chosen) < count:  # only limits leave individuals out
         left = [one for at, one in enumerate(candidates) if at not in chosen]
         assert all(one.changed and lives[one.plan] == most for one in left)
     if not most and not places:
-        assert len(set(range(min(count, len(plans)))) - set(chosen)) <= len(sources)
+        assert chosen == list(range(min(count, len(plans))))
+
+
+@given(DRAWN, st.integers(8, 16), st.floats(0.2, 1), st.integers(0, 2**32))
+def test_no_child_that_breaks_constraints_has_the_place_of_one_that_keeps_them(
+    plans, count, share, seed
+):
+    rng = np.random.default_rng(seed)
+    candidates = living(plans, violations=np.sort(rng.integers(0, 2, len(plans))))
+    kept = [at for at, one in enumerate(candidates) if not one.violation]
+    chosen = choose_by_plan(candidates, count, 0, share)
+    broken = [candidates[at] for at in chosen if candidates[at].violation]
+    if len(kept) < count:
+        return
+    for one in broken:  # the only one of its plan, or a plan without any that keep them
+        own = [candidates[at] for at in kept if candidates[at].plan == one.plan]
+        related = [candidates[at] for at in kept if source_of(candidates[at]) == source_of(one)]
+        assert not own
+        assert not related or sum(other.plan == one.plan for other in broken) == 1
+
+
+def test_a_source_city_holds_the_place_of_its_plan():
+    plans = [("a", False)] * 6 + [("b+1", True)] + [("b", False)] * 3
+    candidates = living(plans, violations=[0] * 7 + [1, 2, 3])
+    candidates[-1] = replace(candidates[-1], founder=True)
+    assert choose_by_plan(candidates, 6, 8, 1.0) == [0, 1, 2, 3, 6, 9]
+    assert choose_by_plan(candidates[:-1], 6, 8, 1.0) == [0, 1, 2, 3, 6, 7]
+    none = [*candidates[:6], *candidates[7:]]  # no change of the plan keeps the constraints
+    assert choose_by_plan(none, 6, 8, 1.0) == [0, 1, 2, 3, 6, 8]
+    assert choose_by_plan(none[:-1], 6, 8, 1.0) == [0, 1, 2, 3, 6, 7]
+
+
+@given(st.integers(1, 20), st.integers(0, 20), st.integers(0, 2**32))
+def test_thinning_keeps_the_best_half_and_those_that_differ(size, places, seed):
+    rng = np.random.default_rng(seed)
+    looks = (rng.integers(0, 3, (size, 16)) * 40).astype(np.uint16)
+    pool = rng.permutation(size).tolist()
+    stays = thin_out(pool, places, looks)
+    assert len(stays) == min(size, places)
+    assert stays == [at for at in pool if at in stays]
+    assert stays[: -(-len(stays) // 2)] == pool[: -(-len(stays) // 2)]
+    assert stays == naive.thin_out(pool, places, looks)
+    assert thin_out(pool, places) == pool[:places]
+
+
+def test_thinning_drops_copies_first():
+    looks = np.array([[0] * 8, [0] * 8, [90] * 8, [90] * 4 + [0] * 4, [90] * 8], np.uint16)
+    assert thin_out([0, 2, 1, 4, 3], 3, looks) == [0, 2, 3]
+
+
+@given(DRAWN.filter(bool), st.integers(1, 4), st.integers(0, 2**32))
+def test_cities_that_break_constraints_have_children(plans, count, seed):
+    rng = np.random.default_rng(seed)
+    losses, violations = rng.random(len(plans)), rng.integers(0, 2, len(plans))
+    algorithm = algorithms()["single"](8, algorithms()["single"].Keys(source_plans=0.5))
+    individuals = algorithm.judged(living(plans, losses, violations))
+    chosen = algorithm.parents(individuals, count, np.random.default_rng(seed))
+    kept = {source_of(one) for one in individuals if not one.violation}
+    groups = [source_of(one) if source_of(one) not in kept else None for one in individuals]
+    assert chosen == naive.tournament_within(groups, count, np.random.default_rng(seed))
+    usual = algorithms()["single"](8).parents(individuals, count, np.random.default_rng(seed))
+    assert len(set(groups)) > 1 or chosen == usual
 
 
 @given(DRAWN, st.integers(1, 16))
@@ -79,6 +149,9 @@ def test_a_plan_of_a_source_lives_in_children_that_break_constraints():
         chosen = kind(4, kind.Keys(**keys)).survivors(candidates, None, np.random.default_rng(0))
         assert [one.plan for one in chosen] == ["a", "a", "a", "b"]
         assert chosen[-1].id == 6
+        everything = living([("a", False), ("b", False)] * 4, violations=[0] * 8)
+        chosen = kind(4, kind.Keys(**keys)).survivors(everything, None, np.random.default_rng(0))
+        assert not any(one.violation for one in chosen)
 
 
 @given(st.integers(0, 2**32), st.sampled_from((0.002, 0.01, 0.05)))

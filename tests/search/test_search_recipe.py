@@ -174,9 +174,27 @@ def test_the_largest_side_divides_the_map(toy, block):
         ("apart = 1", "search.apart: 1; allowed: below 1"),
         ("apart = nan", "search.apart: nan"),
         ("distinkt = 0.5", "unknown key, did you mean distinct?"),
+        ("tournament = 0", "search.tournament: 0; allowed: 1 or more"),
+        ("tournament = 9", "search.tournament: 9, of 8 individuals; allowed: 8 or less"),
+        (
+            "algorithm = 'nsga3'\ntournament = 9",
+            "search.tournament: 9, of 8 individuals; allowed: 8 or less",
+        ),
+        ("tournament = 2.5", "search.tournament: 2.5; allowed: a whole number"),
+        ("credit = 'births'", "search.credit: 'births'; allowed: 'hypervolume' or 'archive'"),
+        ("births = 0", "search.births: 0; allowed: 1 or more"),
+        ("births = 1", "search.births: 1; allowed: 2 or more, one for each of the parents"),
+        (
+            "births = 4\nwindow = 4",
+            "search.births: 4, with a window; allowed: no births: births enter it one at a time",
+        ),
+        (
+            "births = 4\nalgorithm = 'cma'",
+            "search.births: 4, with the algorithm 'cma'; allowed: no births: it breeds one child",
+        ),
         (
             "algorithm = 'nsga2'\ngrid = [2, 2]",
-            "allowed: algorithm, picks, adapt, mates, window, distinct, apart",
+            "allowed: algorithm, picks, adapt, credit, births, steer, mates, redraws, window, ",
         ),
     ],
 )
@@ -186,10 +204,31 @@ def test_keys_of_the_search_are_those_of_its_algorithm(toy, lines, says):
     assert says in line
 
 
+def test_cells_have_no_tournament(toy):
+    lines = "[search]\nalgorithm = 'map_elites'\ntournament = 4\n[[fitness]]"
+    told = faults(replaced(toy(), "[[fitness]]", lines, count=1))
+    (line,) = [one for one in told if "tournament" in one]
+    assert "search.tournament: a key of " in line
+    assert "not of map_elites" in line
+
+
+def test_islands_bound_the_tournament_and_breed_as_many_as_live(toy):
+    islands = "[[islands]]\npopulation = 2\n[[islands]]\npopulation = 6\n"
+    lines = f"[search]\ntournament = 4\nbirths = 4\n{islands}[[fitness]]"
+    told = faults(replaced(toy(), "[[fitness]]", lines, count=1))
+    assert "islands[0].tournament: 4, of 2 individuals; allowed: 2 or less" in "\n".join(told)
+    assert "search.births: 4, with 2 islands; allowed: no births" in "\n".join(told)
+    assert len(told) == 2
+    own = islands.replace("population = 6", "population = 6\ntournament = 4")
+    recipe = read_recipe(replaced(toy(), "[[fitness]]", f"{own}[[fitness]]", count=1))
+    assert [one.search.settings["tournament"] for one in recipe.local] == [2, 4]
+
+
 def test_the_algorithm_has_its_keys(toy):
     search = read_recipe(toy()).search
     common = {"algorithm": "hypervolume", "picks": 0.5, "adapt": False, "window": None}
-    niches = {"mates": 0.0, "per_plan": 0, "source_plans": 0.0, "twins": 0.0}
+    common |= {"credit": "hypervolume", "births": None, "tournament": 2, "steer": 0.0}
+    niches = {"mates": 0.0, "redraws": 0, "per_plan": 0, "source_plans": 0.0, "twins": 0.0}
     assert search.settings == common | niches | {"distinct": 0.5, "apart": 0.25}
     lines = "[search]\nalgorithm = 'nsga2'\ndistinct = 0\n[[fitness]]"
     search = read_recipe(replaced(toy(), "[[fitness]]", lines, count=1)).search

@@ -59,7 +59,7 @@ def test_whole_numbers_are_differences(files):
         for name, one in [*births.items(), *membership.items()]
         if "DELTA_BINARY_PACKED" in one.encodings
     }
-    assert differences == {"generation", "id", "parents", "slot", "rank"}
+    assert differences == {"generation", "id", "parents", "slot", "rank", "source"}
 
 
 def test_statistics_are_kept_of_what_is_small_alone(files):

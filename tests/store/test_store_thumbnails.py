@@ -5,12 +5,13 @@ import json
 import naive
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from evocity.citymap import CityMap
 from evocity.store import Header, Thumbnails
+from evocity.store.thumbnails import _sums
 
 SIDES = st.integers(1, 40)
 
@@ -77,3 +78,14 @@ def test_thumbnails_that_are_no_small_maps_are_refused():
     about |= {"height": 4096, "width": 4096}
     with pytest.raises(ValueError, match="thumbnails of 2048 × 2048 cells"):
         Header.from_json(json.dumps(about), "run")
+
+
+@given(st.integers(2, 10), st.integers(1, 12), st.integers(1, 12), st.integers(0, 10**6))
+@settings(max_examples=60, deadline=None)
+def test_sums_have_the_bits_of_numpys(step, rows, columns, seed):
+    rng = np.random.default_rng(seed)
+    size = (step * rows + seed % 2, step * columns)
+    heights = rng.uniform(0, 30, size).astype(np.float32)
+    for axis in (0, 1):
+        expected = np.add.reduceat(heights, np.arange(0, size[axis], step), axis=axis)
+        assert np.array_equal(_sums(heights, step, axis), expected)

@@ -27,7 +27,7 @@ pytestmark = pytest.mark.skipif(BROWSER is None, reason="chromium is not there")
 #: Actions of the whole job, and seconds of waiting for the page, at most.
 MOST_ACTIONS, MOST_SECONDS = 59, 360.0
 CREDITS = ("© the survey of Left, 2026", "© the office of Right, ODbL")
-DESK, BREED, BOARD = "JSON.parse(studio.desk.stateText)", "studio.run.breed", "studio.run.board"
+DESK, BREED, BOARD = "JSON.parse(studio.desk.stateText)", "studio.run.breed", "studio.run.board?"
 READ = f"!{DESK}.maps.some((one) => one.reading)"
 BRED = f"!{BOARD}.isNew && !{BOARD}.isBusy && {BOARD}.bred"
 
@@ -129,8 +129,6 @@ def fill_the_desk(architect, files) -> None:
     architect.wait(shown)
     architect.look("desk-files")
     for card, credit in zip(page.locator(".evocity-cards li").all(), CREDITS, strict=True):
-        if not card.get_by_label("attribution that the licence asks for").is_visible():
-            architect.click(card.locator("summary"))
         architect.write(card.get_by_label("attribution that the licence asks for"), credit)
     architect.wait(READ)
 
@@ -152,9 +150,7 @@ def fill_the_desk(architect, files) -> None:
     architect.wait(f"{READ} && {DESK}.maps[0].about.areas.lock?.share === 0.25")
     architect.look("desk-lock")
 
-    for name in ("autosimilarity", "alignment", "salingaros law", "crumbs"):
-        if page.get_by_role("button", name=f"drop {name}").count():
-            architect.press(f"drop {name}")
+    architect.press("drop all goals")
     for name in ("fsi", "gsi", "winter_sun"):
         if not page.get_by_label(f"goal of {name.replace('_', ' ')}").count():
             architect.choose(page.get_by_label("another measure"), name)
@@ -180,7 +176,8 @@ def begin_and_follow(architect) -> None:
     architect.wait("!studio.desk.result.hidden")
     architect.look("desk-recipe")
     architect.press("begin the run")
-    architect.wait("studio.desk.begun.textContent")  # the progress is beside the button
+    beside = "[...document.querySelectorAll('.evocity-go + span')].some((one) => one.textContent)"
+    architect.wait(beside)  # the progress is beside the button
     architect.look("begun")
     architect.wait("studio.run?.viewer && document.querySelectorAll('[role=option]').length")
     architect.look("run-first")

@@ -328,10 +328,12 @@ def test_thirty_pictures_a_second_while_dragging(browser, tmp_path, title, mode)
         at = page.evaluate(SCREEN, page.evaluate(PLACE, [1, name]))
         page.mouse.move(*at)
         page.mouse.down()
-        rates = [page.evaluate(DRAGGED, [*at, 60]) for _ in range(3)]
+        rates = []
+        while len(rates) < 8 and max(rates, default=0) < 30:  # on a busy machine, wait for calm
+            rates.append(page.evaluate(DRAGGED, [*at, 60]))
         page.mouse.up()
         print(f"{title}, {mode}: {', '.join(f'{rate:.0f}' for rate in rates)} pictures a second")
-        assert max(rates) >= 15  # a quiet machine draws 30 or more; others may be busy
+        assert max(rates) >= 25  # a quiet machine draws 50 to 60
 
 
 def test_a_run_begins_from_a_shape(browser, tmp_path, monkeypatch):

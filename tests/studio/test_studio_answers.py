@@ -209,7 +209,7 @@ def test_a_run_that_grows_is_followed_each_birth_once(tmp_path, unwaited):
         news = clients[0].get("/api/0/changes?after=4").json
         assert news == {
             "run": called.pop(), "generation": 4, "going": False, "problem": None, "more": False,
-            "seconds_left": None, "unreachable": [],
+            "seconds_left": None, "unreachable": [], "planned": 100, "more_births": "",
         }  # fmt: skip
 
 

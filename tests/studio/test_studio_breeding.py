@@ -437,6 +437,17 @@ def test_who_is_no_birth_is_no_parent(asked, parents):
 def test_every_operator_is_told_with_its_parameters(asked):
     told = {one["name"]: one for one in asked.get("/api/0/operators").json["operators"]}
     assert set(told) == set(evocity.operators.operators())
+    turns = {name for name, one in told.items() if one["turns"] and one["of"] == "fabric"}
+    assert turns == {
+        "quarter_fusion",
+        "region_fusion",
+        "lambda_crossover",
+        "quarter_refill",
+        "relocation",
+        "height_scaling",
+        "interpolation",
+        "mutation",
+    }
     fusion = told["quarter_fusion"]
     assert fusion["reason"] == "it needs 2 or more parents"
     assert {"name": "density", "default": "0.5"} in fusion["parameters"]

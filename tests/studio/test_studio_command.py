@@ -3,6 +3,8 @@
 import contextlib
 import json
 import os
+import posixpath
+import re
 import signal
 import subprocess
 import sys
@@ -145,13 +147,30 @@ def test_who_reaches_the_cluster_of_a_recipe_is_said(tmp_path, monkeypatch):
         assert ("Note: the cluster at tcp://10.0.0.1:8786 uses no TLS" in done.stderr) == said
 
 
+def imported(page, roots: set[str]) -> set[str]:
+    """The addresses that load with those of ``roots``."""
+    found, left = set(), set(roots)
+    while left:
+        address = left.pop()
+        found.add(address)
+        if address.endswith(".js"):
+            text = page[address][1].decode()
+            names = re.findall(r'^import [^;]*? from "([^"]+)";', text, re.M)
+            left |= {posixpath.normpath(posixpath.join(address, "..", one)) for one in names}
+            left -= found
+    return found
+
+
 def test_the_page_is_small_and_asks_nothing_of_another_host():
     page = page_files()
     assert {"/", "/page/studio.js", "/page/viewer.js"} <= set(page)
-    sizes = {address: len(content) for address, (_, content) in page.items()}
-    modeller = [size for address, size in sizes.items() if "/modeller" in address]
-    assert sum(modeller) < 80_000  # which loads at its first use
-    assert sum(sizes.values()) - sum(modeller) < 370_000
+    first = imported(page, {one for one in page if not one.endswith(".js")} | {"/page/studio.js"})
+    parts = {"desk": 65_000, "board": 30_000, "space": 60_000, "modeller": 80_000}
+    for name, most in parts.items():  # which load at their first use
+        later = imported(page, {f"/page/{name}.js"}) - first
+        assert later
+        assert sum(len(page[one][1]) for one in later) < most, name
+    assert sum(len(page[one][1]) for one in first) < 250_000
     for address, (_, content) in page.items():
         text = content.decode().replace(
             "http://www.w3.org/2000/svg", ""

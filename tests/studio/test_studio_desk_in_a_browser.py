@@ -15,6 +15,7 @@ from test_studio_in_a_browser import AXE
 
 import evocity
 from evocity.studio import desk_maps
+from evocity.studio.desk_draft import Draft
 from evocity.studio.server import running_server
 
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="chromium is not there")
@@ -153,6 +154,20 @@ def test_files_are_brought_and_measures_chosen_by_keys(browser, tmp_path):
         assert page.get_by_label("name of the run").input_value() == "a night"
         assert page.get_by_role("checkbox", checked=True).count() == 2
 
+        # all goals are dropped at once, and the default goals come back
+        press(page, "drop all goals")
+        until(page, "!JSON.parse(studio.desk.stateText).draft.goals.length")
+        assert page.evaluate("document.activeElement") is not None
+        assert "To make a recipe, add a goal." in page.locator("#desk").inner_text()
+        assert page.get_by_role("button", name="make the recipe").is_disabled()
+        press(page, "take the default goals")
+        until(page, "JSON.parse(studio.desk.stateText).draft.goals.length === 4")
+        usual = page.evaluate("() => studio.desk.goals.choices")
+        assert {one["measure"]: one["want"] for one in usual} == {
+            one.measure: one.want for one in Draft().goals
+        }
+        assert page.get_by_role("button", name="take the default goals").is_hidden()
+
         # a run that cannot begin shows no other, and why it cannot is told
         page.evaluate(
             "() => { window.shown = []; studio.desk.on.show = (run) => shown.push(run); }"
@@ -215,6 +230,24 @@ def test_files_are_brought_and_measures_chosen_by_keys(browser, tmp_path):
             [list(codes.values()), process],
         )
         assert told == ["Error: x"] * 4 + [""] * 4
+
+        # a run that has ended is not stopped while its process writes the report
+        told = page.evaluate(
+            """async () => {
+              const { RunControl } = await import("/page/control.js");
+              const one = new RunControl(document.createElement("div"), {}, {}), found = [];
+              const steps = [[0, 1], [1, 1], [0, 1], [0, 0], [0, 1]].map((one) => one.map(Boolean));
+              for (const [going, at] of steps) {
+                one.inform({ going, process: { at, code: at ? null : 0, said: "" } });
+                const { stop, resume, state } = one;
+                found.push([stop.hidden, resume.hidden, state.textContent]);
+              }
+              return found;
+            }"""
+        )
+        text = "The run has ended. Evocity writes its report …"
+        stop, end, ready = [False, True, ""], [True, True, text], [True, False, ""]
+        assert told == [stop, stop, end, ready, stop]
 
 
 @pytest.mark.long

@@ -186,7 +186,7 @@ def test_areas_that_cannot_be_used_say_why(client, files):
     assert (told.status, "is a line" in told.json["error"]["found"]) == (409, True)
     half = put_area(client, files, "lock", {"shapes": [box(x - 90, y - 64, x, y + 64)]})
     assert half["share"] == 0.5
-    assert half["note"] == "29% of it lies outside the window"
+    assert half["note"] == "29 % of it lies outside the window"
 
     for name, content in [("line.geojson", json.dumps(LINE).encode()), ("a.png", b"{}")]:
         number = bring_area(client, name, content)
@@ -198,6 +198,26 @@ def test_areas_that_cannot_be_used_say_why(client, files):
     assert outside.status == 200
     told = client.post("/api/desk-calibrate", {}).json["error"]
     assert "is not a parent" in told["found"]
+
+
+@pytest.mark.slow
+def test_a_band_that_no_mixture_reaches_is_told_with_the_recipe(client, files):
+    """Before the night begins, and not where the parents reach it."""
+    goals = [
+        {"measure": "alignment", "want": "max"},
+        {"measure": "fsi", "want": "band", "target": 9, "tolerance": 0.1},
+        {"measure": "gsi", "want": "bounds", "max": 0.9},
+    ]
+    assert chosen(client, files, goals=goals, lock=None, within=None).status == 200
+    wait(client, is_read)
+    assert client.post("/api/desk-calibrate", {}).status == 200
+    told = wait(client, lambda one: not one["busy"])
+    assert told["fault"] is None
+    assert told["started"] == []
+    notes = [note for note in told["found"]["notes"] if note.startswith(("fsi: ", "gsi: "))]
+    assert len(notes) == 1
+    assert notes[0].startswith("fsi: 8.9 is more than any parent has")
+    assert "choose a parent with more, or another number" in notes[0]
 
 
 @pytest.mark.slow

@@ -188,6 +188,23 @@ def test_what_was_typed_wrong_is_said_there_and_nothing_is_lost(browser, tmp_pat
         until(page, "document.querySelector('.evocity-cards li').innerText.includes('LineString')")
         card.get_by_role("button", name="remove the boundary").click()
         until(page, "!JSON.parse(studio.desk.stateText).draft.within")
+
+        x, y = places_at(page, first)  # a lock larger than the window
+        card.get_by_role("button", name="draw the lock").click()
+        drag(page, first, [x - 40, y - 40], [x + 40, y + 40])
+        until(page, "document.querySelector('.evocity-cards li').innerText.includes('covers')")
+        assert "the lock covers the whole window" in card.inner_text()
+        card.get_by_role("button", name="remove the lock").click()
+        until(page, "!JSON.parse(studio.desk.stateText).draft.lock")
+        card.get_by_role("button", name="draw the boundary").click()  # a boundary that is a line
+        drag(page, first, [x - 20, y], [x + 20, y])
+        until(page, "document.querySelector('.evocity-cards li').innerText.includes('corners')")
+        assert state(page)["draft"]["within"] is None
+        page.get_by_label("goal of alignment").wait_for()
+        page.evaluate(
+            "() => studio.desk.goals.showNotes(['alignment: 2 is more than any parent has'])"
+        )
+        assert "2 is more than any parent has" in page.locator(".evocity-goals").inner_text()
         assert page.get_by_role("checkbox", checked=True).count() == 2
 
 

@@ -294,7 +294,7 @@ def test_who_cannot_see_it_can_use_it(opened, tmp_path):
         until(page, "studio.run.breed.childDetail.children.length")
         check()
         page.get_by_role("tab", name="draw").click()
-        until(page, "studio.run.board.about && studio.run.board.image.naturalWidth > 0")
+        until(page, "studio.run.board?.about && studio.run.board?.image.naturalWidth > 0")
         page.get_by_role("button", name="mask", exact=True).click()
         check()
         page.evaluate("() => studio.report(new Error('something is at fault'))")
@@ -626,7 +626,7 @@ def test_children_are_bred_and_kept_by_keys_alone(opened, tmp_path):
         until(page, "studio.run.breed.children.length === 3")  # they are there until the next brood
 
 
-BRED = "!studio.run.board.isNew && !studio.run.board.isBusy && studio.run.board.bred"
+BRED = "!studio.run.board?.isNew && !studio.run.board?.isBusy && studio.run.board?.bred"
 
 
 def as_python_breeds(name: str, parents, **parameters):
@@ -656,13 +656,13 @@ def test_what_is_drawn_is_bred_bit_for_bit(opened, tmp_path):
             return as_python_breeds(name, parents, **parameters) == found.genome.digest
 
         page.get_by_role("tab", name="draw").click()
-        until(page, "studio.run.board.about")
+        until(page, "studio.run.board?.about")
         child()
         board = page.get_by_role("application")
         box = board.bounding_box()
         for x, y in ((0.3, 0.25), (0.7, 0.6)):
             board.click(position={"x": x * box["width"], "y": y * box["height"]})
-        found, told = child(), page.evaluate("() => studio.run.board.parameters")
+        found, told = child(), page.evaluate("() => studio.run.board?.parameters")
         grid, metres, block = parents[0].pavement.block, parents[0].metres_per_pixel, 1
         block = round(told["side_min"] / grid / metres)
         placed = [(round(y / grid / metres), round(x / grid / metres)) for y, x in told["places"]]
@@ -684,7 +684,7 @@ def test_what_is_drawn_is_bred_bit_for_bit(opened, tmp_path):
         assert page.locator("[aria-live=polite]").inner_text().startswith("drawn, ")
         found = child()
         painted = np.full(len(parents[0]), 1.0)
-        spot = page.evaluate("() => [studio.run.board.spot, studio.run.board.about.cell]")
+        spot = page.evaluate("() => [studio.run.board?.spot, studio.run.board?.about.cell]")
         (row, column, side), cell = (spot[0][key] for key in ("row", "column", "side")), spot[1]
         tops, lefts = (np.asarray(one) + grid // 2 for one in parents[0].pavement.corners)
         inside = (tops // cell >= row) & (tops // cell < row + side)
@@ -701,7 +701,7 @@ def test_what_is_drawn_is_bred_bit_for_bit(opened, tmp_path):
         keys.press("ArrowDown")
         keys.press("Enter")
         found = child()
-        row = page.evaluate("() => studio.run.board.spot.row")
+        row = page.evaluate("() => studio.run.board?.spot.row")
         city = evocity.decode(parents[0]).city
         mask = np.zeros(city.shape, bool)
         high, low = max(0, row) * cell, (row + side) * cell
@@ -711,7 +711,7 @@ def test_what_is_drawn_is_bred_bit_for_bit(opened, tmp_path):
         assert same(found, "interpolation", held, share=painted.tolist())
         assert (found.city.heights[mask] == city.heights[mask]).all()
         page.get_by_role("button", name="save the child and a recipe").click()
-        until(page, "studio.run.board.message.textContent.includes('evocity run')")
+        until(page, "studio.run.board?.message.textContent.includes('evocity run')")
         command = page.locator("#pane-0-draw .evocity-command").inner_text()
         recipe = Path(command.removeprefix("evocity run "))
         kept = evocity.read_genome(recipe.parent / "child-0.parquet")
@@ -740,7 +740,7 @@ def test_regions_fields_and_a_mask_are_what_python_makes_of_them(opened, tmp_pat
         box = board.bounding_box()
         board.click(position={"x": 0.4 * box["width"], "y": 0.5 * box["height"]})
         until(page, BRED)
-        told = page.evaluate("() => studio.run.board.parameters")
+        told = page.evaluate("() => studio.run.board?.parameters")
         assert len(told["places"]) == 1
         found = drawn.children[0].genome.digest
         assert found == as_python_breeds("region_fusion", parents, **told)
@@ -750,7 +750,7 @@ def test_regions_fields_and_a_mask_are_what_python_makes_of_them(opened, tmp_pat
         board.focus()
         page.keyboard.press("Enter")
         until(page, BRED)
-        layers = "studio.run.board.layers"
+        layers = "studio.run.board?.layers"
         rows, columns, cell = page.evaluate(
             f"() => [{layers}.rows, {layers}.columns, {layers}.cell]"
         )
@@ -775,7 +775,7 @@ def test_regions_fields_and_a_mask_are_what_python_makes_of_them(opened, tmp_pat
             if name == "text.png":
                 until(page, "studio.trouble.textContent.includes('text.png is not a picture')")
         until(page, f"{layers}.within.includes(1)")
-        until(page, f"{BRED} && studio.run.board.marked")
+        until(page, f"{BRED} && studio.run.board?.marked")
         cells = np.array(page.evaluate(f"() => [...{layers}.within]")).reshape(rows, columns)
         lit = (picture[..., 0] > 0) & (picture[..., 3] > 0)
         shares = lit.reshape(rows, cell, columns, cell).mean(axis=(1, 3))

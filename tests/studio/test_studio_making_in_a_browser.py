@@ -24,7 +24,7 @@ pytestmark = [
 ]
 __all__ = ["forgotten", "opened"]
 PICKS = json.dumps({"picks": [{"id": 0}, {"id": 1}]})
-BREED, BOARD = "studio.run.breed", "studio.run.board"
+BREED, BOARD = "studio.run.breed", "studio.run.board?"
 
 
 @pytest.fixture
@@ -175,6 +175,12 @@ def test_the_control_states_goals_out_of_reach(opened, tmp_path):
         text = page.get_by_label("goals out of reach").inner_text()
         assert text.startswith("gsi 0.01 was never below ")
         assert "another parent with less gsi would help" in text.lower()
+        page.get_by_role("button", name="resume the run").click()  # it has all its generations
+        field = page.get_by_label("to generation")
+        told = field.evaluate("(one) => one.validationMessage")
+        assert told == "The run has all of its 2 generations. Type a larger number."
+        field.fill("3")
+        assert field.evaluate("(one) => one.validationMessage") == ""
 
 
 def test_the_desk_and_back_keeps_the_filter_and_the_gallery(opened, night):

@@ -91,6 +91,7 @@ def test_the_ground_of_elevations(client, rasters):
     assert "above sea level" in state(client, surface)["fault"]["found"]
 
 
+@pytest.mark.slow
 def test_only_a_raster_is_the_ground(client, rasters, tmp_path):
     pyogrio.raw.write(
         tmp_path / "a.gpkg",

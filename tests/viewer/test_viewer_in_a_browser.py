@@ -26,7 +26,8 @@ COUNT = 900
 PARTS = {
     "keep": [
         {"id": n, "role": "compromise", "why": f"Why {HOSTILE}", "gave_up": "", "scarce": "",
-         "command": f"evocity decode RUN --id {n}", "values": {"density": 0.5, "gone": None},
+         "command": f"evocity decode RUN --id {n}", "feasible": True,
+         "values": {"density": 0.5, "height": 7, "crumbs": 2, "gone": None},
          "shares": [{"city": "A", "share": 0.25, "built": 0.005, "colour": "#123456"}]}
         for n in (8, 4)
     ],
@@ -56,7 +57,7 @@ def births(count: int = COUNT) -> Table:
         Column("density", first.astype(np.float32), sign="↑", goal="max", wanted="more is better"),
         Column("crumbs", np.round(-first + rng.normal(size=count)).astype(np.float32), goal="min"),
         Column("cover", with_gaps.astype(np.float32), sign="→0.5", target=0.5),
-        Column("height", rng.random(count).astype(np.float32), unit="m"),
+        Column("height", rng.random(count).astype(np.float32), unit="m", sign="≤9"),
         Column.of_words("operator", rng.choice(["mutation", "fusion", "relocation"], count)),
         Column.of_words("status", np.where(np.arange(count) % 7, "ok", "timeout")),
         Column.of_flags("feasible", rng.random(count) < 0.8),
@@ -494,6 +495,12 @@ def test_births_to_keep_are_shown_with_reasons_and_chosen(opened):
     assert first.locator("h2").inner_text().endswith("ompromise, birth 8")
     for text in (f"Why {HOSTILE}", "A 25 % of the map, 0.5 % of the buildings", "RUN --id 8"):
         assert text in first.inner_text()
+    facts = first.locator(".evocity-fact").all_inner_texts()
+    assert [one.split() for one in facts] == [
+        ["density", "↑", "0.5"],
+        ["crumbs", "2"],
+        ["height", "≤9", "7", "m"],  # a measure that has only bounds
+    ]
     page.get_by_role("button", name="show birth 4").click()
     assert saved(page)["chosen"] == [4]
     page.get_by_role("button", name="choose these births").click()
@@ -544,17 +551,42 @@ def test_tables_show_the_passing_births_in_their_order(opened):
     tab(page, "tables")
     until(page, "document.querySelectorAll('.evocity-wide').length === 2")
     rows = page.locator(".evocity-wide").first.locator("tbody tr")
-    ids = rows.evaluate_all("all => all.map((one) => Number(one.lastChild.textContent))")
+    ids = rows.evaluate_all("all => all.map((one) => Number(one.firstChild.textContent))")
     assert ids == table.ids[table.row_order("density")[:100]].tolist()
     assert page.get_by_text("800 more births pass the filter").is_visible()
     page.get_by_role("button", name="height", exact=True).click()
     assert saved(page)["order"] == {"name": "height", "reversed": False}
-    ids = rows.evaluate_all("all => all.map((one) => Number(one.lastChild.textContent))")
+    ids = rows.evaluate_all("all => all.map((one) => Number(one.firstChild.textContent))")
     assert ids == table.ids[table.row_order("height")[:100]].tolist()
     page.get_by_role("button", name="height", exact=True).click()
     assert saved(page)["order"]["reversed"]
     other = page.locator(".evocity-wide").nth(1).locator("td").all_inner_texts()
     assert other == [HOSTILE, "3", "–", "0.5"]
+
+
+#: Grounds of all visible drawings, and the line below the open tab.
+GROUNDS = """() => {
+  const seen = [...document.querySelectorAll(".evocity-view :is(canvas, svg)")];
+  const tab = document.querySelector(".evocity-view [role=tab][aria-selected=true]");
+  const grounds = seen.filter((one) => one.getBoundingClientRect().width)
+    .map((one) => getComputedStyle(one).backgroundColor);
+  return [[...new Set(grounds)], getComputedStyle(tab).borderBottomWidth];
+}"""
+
+
+@pytest.mark.slow
+def test_colours_that_a_system_forces_leave_drawings_legible(opened):
+    page = opened(widget(births()))
+    page.emulate_media(forced_colors="active", color_scheme="dark")
+    try:
+        for name in ("axes", "scatter", "curves", "pedigree"):
+            tab(page, name)
+            frames(page)
+            if name == "curves":
+                until(page, "document.querySelectorAll('.evocity-curves svg').length === 1")
+            assert page.evaluate(GROUNDS) == [["rgb(250, 248, 244)"], "4px"]
+    finally:
+        page.emulate_media(forced_colors="none", color_scheme="light")
 
 
 def test_a_fault_of_a_view_stays_in_its_pane(opened):

@@ -83,7 +83,7 @@ def _shares(run: Any, one: Individual) -> list[dict]:
     fabric = header.chromosome.fabric(one.genome)
     if fabric is None:
         return []
-    every, built = fabric.shares, built_shares(fabric, one.city)
+    every, built = fabric.shares, built_shares(header, fabric, one.city)
     listed = zip(
         city_labels(header.cities), every.tolist(), built.tolist(), city_colours(header.cities),
         strict=True,

@@ -6,6 +6,7 @@ from evocity.analysis.births import Births
 from evocity.analysis.failed_births import differing_told, failures, shortened
 from evocity.analysis.goals import figure_texts
 from evocity.analysis.page.shortlist import plain
+from evocity.analysis.slope import more_births
 from evocity.genome import VOID
 from evocity.store import RunLog
 
@@ -49,13 +50,16 @@ def _sides(run: Any) -> str:
 
 
 def _state(run: Any, status: dict) -> list[str]:
-    """Describe the unusual in sentences: the run is not finished, births differ when replayed."""
+    """Describe in sentences: the run is not finished, births differ when replayed, what more births
+    would bring."""
     sentences = []
     if not status["finished"]:
         why = f" (stopped: {status['stopped']})" if status["stopped"] else ""
         sentences.append(f"The run is not finished{why}. This page shows whole generations.")
-    unsteady = differing_told(run)
-    return [*sentences, f"{unsteady}."] if unsteady else sentences
+    if unsteady := differing_told(run):
+        sentences.append(f"{unsteady}.")
+    slope = more_births(run)
+    return [*sentences, slope] if slope else sentences
 
 
 def reasons(run: RunLog) -> str:
@@ -73,4 +77,4 @@ def gain(births: Births) -> str:
     if volumes[0] <= 0 or volumes[0] < 0.01 * volumes[-1] or 2 * first.sum() < len(first):
         # a share of next to nothing, or of a few that happened to survive, means nothing
         return f"{volumes[0]:.4g} in the first population"
-    return f"{volumes[-1] / volumes[0] - 1:+.0%} over the first population"
+    return f"{100 * (volumes[-1] / volumes[0] - 1):+.0f} % over the first population"

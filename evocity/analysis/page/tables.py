@@ -59,9 +59,11 @@ def _by_operator(run: Any) -> dict:
         rows = [(name, count, failed[name]) for name, count in born]
         return table(title, ("operator", "births", "failed"), rows)
     names, credit = run.operator_credit
-    columns = [credit[one].tolist() for one in ("births", "failed", "survived", "entered")]
+    columns = [
+        credit[one].tolist() for one in ("births", "failed", "copies", "survived", "entered")
+    ]
     paid = [round(one, 2) for one in credit["paid"].tolist()]
-    headings = ("operator", "births", "failed", "survived", "archive", "paid")
+    headings = ("operator", "births", "failed", "copies", "survived", "archive", "paid")
     return table(
         title, headings, list(zip(names.tolist(), *columns, paid, strict=True)), _OPERATORS
     )

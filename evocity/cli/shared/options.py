@@ -197,11 +197,12 @@ MAP_OPTIONS = {
     ),
     "height_column": option(
         "--height-column NAME",
-        "Column of footprints with the heights of buildings, in metres. [by the names of columns]",
+        "Name of the column that holds the heights of buildings, in metres. [by the names of "
+        "columns]",
     ),
     "levels_column": option(
         "--levels-column NAME",
-        "Column of footprints with the storeys of buildings, each 3 m high. [by the names of "
+        "Name of the column that holds the storeys of buildings, each 3 m high. [by the names of "
         "columns]",
     ),
     "nodata": option(
@@ -316,6 +317,18 @@ count_option = option(
     "block that the pixel's range block copies. [pixels]",
     click.Choice(["pixels", "domains", "ranges"]),
 )
+part_option = option(
+    "--part",
+    "Parts to filter as wholes, by the mean number of copies of their pixels: pixels and "
+    '"buildings" become ground, and "blocks" (range blocks) become flat. [pixels]',
+    click.Choice(["pixels", "blocks", "buildings"]),
+)
+frames_option = option(
+    "--frames N",
+    "Number of frames, 2 to 500: write an animation (.webp), or all frames in one picture (.png). "
+    "[no frames]",
+    int,
+)
 _PLACE = "[the common place of all source cities, else no coordinates on Earth]"
 at_option = option(
     "--at CITY",
@@ -425,5 +438,5 @@ def cluster_option(default: str) -> Callable:
         "Address of a Dask scheduler, such as tcp://host:8786; local:N starts N Dask workers; "
         'the word "none" means no cluster. On a cluster, the option --workers sets the number '
         "of processes of each Dask worker. "
-        "[{default}]",
+        f"[{default}]",
     )

@@ -1,4 +1,4 @@
-"""Options of scenes: level of detail, budget of triangles, ground, tiles."""
+"""Options of scenes: level of detail, budget of triangles, ground, tiles, kinds of files."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,8 +16,9 @@ LEVELS = ("2.2", "1.3", "1.2", "1.0", "afar", "0")
 
 lod_option = option(
     "--lod",
-    "Level of detail: 0 for footprints, 1.0 for blocks of buildings that touch, 1.2 for one height "
-    'for touching parts, 1.3 for each building, 2.2 for roofs, "afar" for blocks across streets. '
+    "Level of detail: 0 has footprints; 1.0 has blocks of buildings that touch; 1.2 has one height "
+    "for parts that touch; 1.3 has a height for each part; 2.2 has roofs; afar has blocks that "
+    "reach across streets. "
     "[1.3]",
     click.Choice(LEVELS),
 )
@@ -119,3 +120,45 @@ def say_tiles(facts: dict, folder: Path) -> str:
     """Say in a line which tiles were written."""
     names = ", ".join(facts["levels"])
     return f"wrote {facts['tiles']} tiles of LoD {names}, {facts['files']} files, to {folder}"
+
+
+def check_lod_node(output: Path | None, suffix: str, zooms: tuple[float, ...]) -> None:
+    """Raise `EvocityError` unless several ``zooms`` can be levels of one file."""
+    if suffix not in (".wrl", ".x3d"):
+        raise EvocityError(
+            f"--lod-node cannot be used with the output {output.name if output else 'of --tiles'}",
+            "an output file whose name ends in .wrl or .x3d",
+            "choose another suffix, or leave --lod-node out",
+        )
+    if len(set(zooms)) < 2:
+        raise EvocityError(
+            f"--lod-node with {len(set(zooms))} zoom factor{'s' * (len(set(zooms)) != 1)}",
+            "two or more zoom factors",
+            "give --zoom several times, for example --zoom 0.5 --zoom 1 --zoom 2",
+        )
+
+
+def check_glb_options(output: Path | None, suffix: str, **given: bool) -> None:
+    """Raise `EvocityError` for options of .glb files with an ``output`` of another ``suffix``."""
+    name_of = output.name if output else "of --tiles"
+    if suffix != ".glb":
+        for name in (name for name, on in given.items() if on):
+            raise EvocityError(
+                f"--{name} cannot be used with the output {name_of}",
+                "an output file whose name ends in .glb",
+                f"leave --{name} out",
+            )
+
+
+def printing_options(output: Path | None, side: float | None) -> dict[str, float]:
+    """The options of a file for a printer. Raises `EvocityError` for a ``side`` of another file."""
+    if side is None:
+        return {}
+    name = output.name if output else "of --tiles"
+    if output is None or output.suffix.lower() not in (".stl", ".3mf"):
+        raise EvocityError(
+            f"--print-side cannot be used with the output {name}",
+            "an output file whose name ends in .stl or .3mf",
+            "leave --print-side out",
+        )
+    return {"side": side}

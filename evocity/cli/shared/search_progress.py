@@ -238,7 +238,7 @@ def progress_line(generation, last: int, signs: Mapping[str, str]) -> str:
 def _volume(island: Mapping) -> str:
     """The hypervolume of an ``island``, and the share of its grid that is filled, if it has one."""
     volume, coverage = island["hypervolume"], island["algorithm"].get("coverage")
-    filled = "" if coverage is None else f" ({coverage:.0%} filled)"
+    filled = "" if coverage is None else f" ({100 * coverage:.0f} % filled)"
     return ("–" if volume is None else f"{volume:.4g}") + filled
 
 

@@ -9,7 +9,7 @@ from evocity import isometries
 from evocity.coding.matching.candidates import RangeCodes, Shapes
 from evocity.coding.matching.d4 import d4_codes
 from evocity.coding.matching.domains import DomainPool
-from evocity.coding.matching.exact_scores._kernels import rank, settle
+from evocity.coding.matching.exact_scores._kernels import conclude, rank, settle
 from evocity.coding.parameters import Coding
 from evocity.coding.topology import Candidates
 
@@ -117,6 +117,26 @@ class Search:
 
     def matches(self, blocks: np.ndarray, shapes: Shapes) -> Matches:
         """Build the result for all blocks ``(n, B, B)`` from the search of their ``shapes``."""
+        if len(self.shrunk) == 1:
+            return self._matches_in_one_pool(blocks, shapes)
+        return self._matches(blocks, shapes)
+
+    def _matches_in_one_pool(self, blocks: np.ndarray, shapes: Shapes) -> Matches:
+        """Do as `_matches` by one kernel, where one pool was searched."""
+        ((step, shrunk),) = self.shrunk.items()
+        multiple, y, x = np.empty((3, len(blocks)), np.int64)
+        iso = np.empty(len(blocks), isometries.LOWEST.dtype)
+        sigma, beta, gain = np.empty((3, len(blocks)))
+        means = blocks.reshape(len(blocks), self.block**2).mean(axis=1, dtype=np.float64)
+        conclude(
+            self.records, self.places, self.count, self.energy, TIE, shrunk, step, self.block,
+            self.centred, isometries.sources(self.block), self.cap, means, shapes.of, shapes.iso,
+            shapes.sign, isometries.LOWEST, isometries.COMPOSITION, isometries.INVERSE,
+            multiple, y, x, iso, sigma, beta, gain,
+        )  # fmt: skip
+        return Matches(multiple, y, x, iso, sigma, beta, gain, self.energy[shapes.of])
+
+    def _matches(self, blocks: np.ndarray, shapes: Shapes) -> Matches:
         used = np.arange(_ROOM) < self.count[:, None]
         most = self.records.max(axis=1, initial=0, where=used)
         least = most - TIE * self.energy

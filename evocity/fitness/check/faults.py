@@ -292,7 +292,7 @@ def of_maps(measure: Measure, trials: Sequence[Trial]) -> Iterator[Finding]:
                 "near-constant",
                 None,
                 f"{measure.name} lies from {tenth:.4g} to {ninth:.4g} on most of {len(known)} "
-                f"cities, less than {NEAR:.0%} of "
+                f"cities, less than {100 * NEAR:.0f} % of "
                 + ("its range" if math.isfinite(high - low) else "its size"),
                 "clearly different numbers for different cities",
                 "correct the formula, or narrow range=: a search needs differences",

@@ -123,3 +123,23 @@ def alike_blocks(
                     else:
                         continue
                     last = np.argmax(keys[i, : count[i]])
+
+
+@kernel
+def square_costs(phases, patch, weight, costs):
+    """costs[i, j] += Σ weight · (map − patch)² for squares of a map that begin at cell (i, j).
+
+    phases[y, x, i, j] = map[i · cell + y, j · cell + x]; ``patch`` and ``weight`` (S, S) are as
+    large as a square, S a multiple of the cell's side.
+    """
+    cell = phases.shape[0]
+    for y in range(patch.shape[0]):
+        for x in range(patch.shape[1]):
+            w, height = weight[y, x], patch[y, x]
+            if w == 0:
+                continue
+            plane, down, right = phases[y % cell, x % cell], y // cell, x // cell
+            for i in range(costs.shape[0]):
+                for j in range(costs.shape[1]):
+                    gap = plane[i + down, j + right] - height
+                    costs[i, j] += w * (gap * gap)

@@ -8,7 +8,7 @@ from evocity.accelerate import kernel
 @kernel
 def _score(
     numbers, areas, used, pixel, step, down, along, inner, cell, share, coverage, slack, repeats,
-    row, column, angle, mirror, scale, axis, seen, counts,
+    row, column, angle, mirror, scale, axis, floor, seen, counts,
 ):  # fmt: skip
     """Score one candidate, see `score_candidates`. Scratch: ``seen``, int32 ``(inner,)``, and
     ``counts``, int32 ``(n + 1,)``, zeros before and after."""
@@ -49,8 +49,14 @@ def _score(
                 again += used[min(int(y / ratio), tall - 1), min(int(x / ratio), wide - 1)]
         # points are few, so the whole lot decides on small shares
         inside = again <= 2 * repeats * all_built + 2
+    strip = down.size - inner
+    less = 2 * max(abs(all_built / max(inner, 1) - coverage) - slack, 0)
+    needed = (floor + less) * strip - 1e-6  # points of the strip, or the score is below the floor
     at = inner
     while at < down.size and inside:
+        if front + down.size - at < needed:
+            inside = False
+            break
         y, x = top + a * down[at] + b * along[at], left + c * down[at] + d * along[at]
         inside = 0 <= y < height and 0 <= x < width
         if inside:
@@ -61,22 +67,22 @@ def _score(
         counts[seen[i]] = 0
     if not inside:
         return -np.inf
-    strip = down.size - inner
     score = front / strip if strip else 1.0
-    return score - 2 * max(abs(all_built / max(inner, 1) - coverage) - slack, 0)
+    return score - less
 
 
 @kernel
 def score_candidates(
     numbers, areas, used, pixel, step, down, along, inner, cell, share, coverage, slack, repeats,
-    candidates, scores,
+    candidates, floor, scores,
 ):  # fmt: skip
     """Score candidates: float64 ``scores`` ``(k,)``, the built share of points of a strip, less
     twice the difference of the coverages beyond ``slack``.
 
     A building counts only if about the ``share`` of its area stands in the lot. The score is −∞
     where a point lies beyond the source city, where the place does, and where more than twice the
-    share ``repeats`` of the built points, and two more, are used.
+    share ``repeats`` of the built points, and two more, are used. It may be −∞, too, where it is
+    below the ``floor``.
 
     numbers : int32 ``(h, w)``, the building on each fine pixel of the source city, 0 on ground.
     areas : float64 ``(n + 1,)``, m², of the n buildings. used : bool ``(H, W)``, pixels that stand
@@ -92,7 +98,7 @@ def score_candidates(
         row, column, angle, mirror, scale, axis = candidates[k]
         scores[k] = _score(
             numbers, areas, used, pixel, step, down, along, inner, cell, share, coverage, slack,
-            repeats, row, column, angle, mirror, scale, axis, seen, counts,
+            repeats, row, column, angle, mirror, scale, axis, floor, seen, counts,
         )  # fmt: skip
 
 
@@ -115,7 +121,7 @@ def improve_candidates(
             score = _score(
                 numbers, areas, used, pixel, step, down, along, inner, cell, share, coverage,
                 slack, repeats, row + moves[m, 0], column + moves[m, 1], angle, mirror, scale,
-                axis, seen, counts,
+                axis, best, seen, counts,
             )  # fmt: skip
             if score > best:
                 best, at = score, m
@@ -128,7 +134,7 @@ def improve_candidates(
             score = _score(
                 numbers, areas, used, pixel, step, down, along, inner, cell, share, coverage,
                 slack, repeats, row + trials[t, 0], column + trials[t, 1], angle, mirror, size,
-                axis, seen, counts,
+                axis, best, seen, counts,
             )  # fmt: skip
             if score > best:
                 best, at, sized = score, t, size

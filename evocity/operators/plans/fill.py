@@ -328,23 +328,24 @@ class _Rating:
         where its score is best, and there at ``least`` so much."""
         from evocity.operators.plans._kernels import improve_candidates
 
-        scores = self.scores(candidates, few=True)
+        scores = self.scores(candidates, least - _HOPE, few=True)
         order = np.argsort(-scores, kind="stable")[:_BEST]
         chosen = candidates[order[scores[order] >= least - _HOPE]]
         if not chosen.size:
             return chosen
         improve_candidates(*self._few, chosen, _MOVES, _TRIALS, *self._scales)
-        scores = self.scores(chosen)
+        scores = self.scores(chosen, least)
         order = np.argsort(-scores, kind="stable")
         return chosen[order[scores[order] >= least]]
 
-    def scores(self, candidates: np.ndarray, few: bool = False) -> np.ndarray:
+    def scores(self, candidates: np.ndarray, floor: float, few: bool = False) -> np.ndarray:
         """Score candidates, float64 ``(k,)``; −∞ where they leave the source city, or repeat too
-        much of it. With ``few`` points for a first choice."""
+        much of it, and mostly where they score less than ``floor``. With ``few`` points for a first
+        choice."""
         from evocity.operators.plans._kernels import score_candidates
 
         scores = np.empty(len(candidates))
-        score_candidates(*(self._few if few else self._many), candidates, scores)
+        score_candidates(*(self._few if few else self._many), candidates, floor, scores)
         return scores
 
 

@@ -43,6 +43,7 @@ class Lot:
     depth : float64 ``(h, w)``, distance in px to the nearest pixel beyond the lot. The map's frame
         is not an outline.
     strip : bool ``(n,)``, pixels within 3 px of the outline.
+    cells : the cells of grids in which the lot lies, kept by those who need them.
 
     A line through the centre divides a lot into two halves (`side`). The line runs across the
     longer of the two directions of the face's walls.
@@ -71,6 +72,7 @@ class Lot:
             self.inward = (away / np.maximum(depth, 1e-9))[:, *inner]
         self.depth = depth[inner]
         self.strip = (self.depth <= STRIP)[self.mask]
+        self.cells: dict[tuple[int, int], tuple] = {}
         self._angle = float(plan.angle[face - 1])
 
     @cached_property

@@ -204,7 +204,7 @@ class PlannedChild:
                 (gene.row, gene.column), (down, along), self._whose.shape, strict=True
             )
         ]
-        meant = self._meant()[cells]
+        meant = self._meant_at(cells)
         bare = ~meant & self._built_of(donor)[tuple(there)]
         self._count(here, -1)
         self._whose[here] = np.where(bare, len(self._parents), donor)
@@ -257,7 +257,7 @@ class PlannedChild:
         """Put the lifs of a parent in a lot, in place, and mean these ``heights``."""
         self.intended[lot.window][lot.mask] = heights
         cells, here = self._cells_of(lot)
-        meant = self._meant()[cells]
+        meant = self._meant_at(cells)
         bare = ~meant & self._built_of(number)[here]
         self._count(here, -1)
         self._whose[here] = np.where(bare, len(self._parents), number)
@@ -277,7 +277,7 @@ class PlannedChild:
         _, here = self._cells_of(lot_of(self.plan, face))
         self._count(here, -1)
         built = self._built_of(number)
-        stale = self._stale(number)[here]
+        stale = self._origins.stand(number, here)[built[here]]
         self._count(here, 1)
         return float(stale.sum() / max(built[here].sum(), 1))
 
@@ -290,8 +290,9 @@ class PlannedChild:
         built, again = 0, 0
         for parent in np.unique(whose[whose < len(self._parents)]).tolist():
             places = tuple(axis[here][whose == parent] for axis in self._cells)
-            built += int(np.count_nonzero(self._built_of(parent)[places]))
-            again += int(np.count_nonzero(self._stale(parent)[places]))
+            own = self._built_of(parent)[places]
+            built += int(np.count_nonzero(own))
+            again += int(np.count_nonzero(self._origins.stand(parent, places)[own]))
         self._count(here, 1)
         return again / built if built else 0.0
 
@@ -299,10 +300,20 @@ class PlannedChild:
         """Find the cells that buildings are meant to stand on, bool ``(n,)``."""
         return np.asarray(self._grid.blocks(self.intended > BUILT_ABOVE).any(axis=(1, 2)))
 
+    def _meant_at(self, cells: np.ndarray) -> np.ndarray:
+        """Find which of these ``cells`` buildings are meant to stand on, bool ``(k,)``."""
+        grid = self._grid
+        cut = self.intended.reshape(grid.rows, grid.block, grid.columns, grid.block)
+        row, column = np.divmod(cells, grid.columns)
+        return np.asarray((cut[row, :, column, :] > BUILT_ABOVE).any(axis=(1, 2)))
+
     def _cells_of(self, lot: Lot) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
         """List the cells of a lot by number, and by row and column."""
-        cells = np.unique(self._cell_numbers(lot))
-        return cells, np.divmod(cells, self._grid.columns)
+        key = self._grid.block, self._grid.columns
+        if key not in lot.cells:
+            cells = np.unique(self._cell_numbers(lot))
+            lot.cells[key] = cells, np.divmod(cells, self._grid.columns)
+        return lot.cells[key]
 
     def _cell_numbers(self, lot: Lot) -> np.ndarray:
         """Number the cell of each pixel of a lot."""

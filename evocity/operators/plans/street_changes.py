@@ -57,7 +57,7 @@ def cut_alley(draft: Draft, plan: Plan, change: Mapping[str, Any]) -> None:
     if large.size != 2:
         raise refuse(
             f"the alley cuts face {face} in {large.size} large parts",
-            f"two parts with {LEAST_HALVES:.0%} of the face each",
+            f"two parts with {100 * LEAST_HALVES:.0f} % of the face each",
         )
     if sizes.sum() - sizes[large - 1].sum() > LEAST_FACE / plan.metres_per_pixel**2:
         raise refuse(f"the alley leaves small parts of face {face}", "two parts")

@@ -60,6 +60,83 @@ def best_fit(
 
 
 @kernel
+def block_bounds(labels, bounds):
+    """bounds[k] = top, left, bottom, right of the cells with the label k, int64 ``(n, 4)``; the
+    last two exclusive, 0 without cells."""
+    bounds[:, :2] = labels.size
+    bounds[:, 2:] = 0
+    for i in range(labels.shape[0]):
+        for j in range(labels.shape[1]):
+            one = bounds[labels[i, j]]
+            one[0], one[1] = min(one[0], i), min(one[1], j)
+            one[2], one[3] = max(one[2], i + 1), max(one[3], j + 1)
+
+
+@kernel
+def _add_where(kind, bit, worth, weights):
+    """Add ``worth`` in all to the ``weights`` of the cells whose ``kind`` has a ``bit``."""
+    count = 0
+    for i in range(kind.shape[0]):
+        for j in range(kind.shape[1]):
+            count += (kind[i, j] & bit) != 0
+    each = np.float32(worth / max(count, 1))
+    for i in range(kind.shape[0]):
+        for j in range(kind.shape[1]):
+            if kind[i, j] & bit:
+                weights[i, j] += each
+
+
+@kernel
+def weigh_block(labels, built, number, top, left, facades, block, weights):
+    """Find the cells of the street block ``number``, bool ``block`` ``(r, c)`` from (top, left) on,
+    and their ``weights``, float32 ``(r, c)``, see `evocity.operators.street_blocks.Room`. Returns
+    the share of its cells that is ``built``."""
+    tall, wide = block.shape
+    rows, columns = labels.shape
+    inside, outline, own, street, facing = 1, 2, 4, 8, 16
+    kind = np.zeros((tall, wide), np.uint8)
+    stack, size = np.empty((tall * wide, 2), np.int64), 0
+    cells = standing = 0
+    for i in range(tall):
+        for j in range(wide):
+            y, x = top + i, left + j
+            block[i, j] = labels[y, x] == number
+            weights[i, j] = 0
+            if not block[i, j]:
+                continue
+            cells += 1
+            edge = y > 0 and labels[y - 1, x] != number
+            edge |= y < rows - 1 and labels[y + 1, x] != number
+            edge |= x > 0 and labels[y, x - 1] != number
+            edge |= x < columns - 1 and labels[y, x + 1] != number
+            kind[i, j] = inside + outline * edge + own * built[y, x]
+            standing += built[y, x]
+            if edge and not built[y, x]:
+                kind[i, j] |= street
+                stack[size, 0], stack[size, 1] = i, j
+                size += 1
+    _add_where(kind, inside, 1.0, weights)
+    _add_where(kind, outline, -2.0, weights)
+    if facades != 0:
+        while size > 0:  # the street reaches all open cells with a way to the outline
+            size -= 1
+            i, j = stack[size, 0], stack[size, 1]
+            for down, along in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+                y, x = i + down, j + along
+                if not (0 <= y < tall and 0 <= x < wide and kind[y, x] & inside):
+                    continue
+                if kind[y, x] & own:
+                    kind[y, x] |= facing
+                elif not kind[y, x] & street:
+                    kind[y, x] |= street
+                    stack[size, 0], stack[size, 1] = y, x
+                    size += 1
+        _add_where(kind, facing, facades, weights)
+        _add_where(kind, street, -facades, weights)
+    return standing / cells
+
+
+@kernel
 def stones_of_cells(index, top, left, side, turn, city, source_y, source_x, affine, cell, found):
     """Find the origin of each cell of a map: a square of a source city.
 

@@ -1,6 +1,7 @@
 """Street blocks of a map: cells nearest to a built component."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -33,6 +34,16 @@ class StreetBlocks:
     covered: np.ndarray
     components: np.ndarray
     rooms: dict = field(default_factory=dict)
+
+    @cached_property
+    def bounds(self) -> np.ndarray:
+        """Top, left, bottom and right of each block, in cells, the last two exclusive: int64
+        ``(n + 1, 4)``."""
+        from evocity.operators.street_blocks._kernels import block_bounds
+
+        bounds = np.empty((self.area.size, 4), np.int64)
+        block_bounds(self.labels, bounds)
+        return bounds
 
 
 _cache: WeakKeyDictionary[CityMap, dict[int, StreetBlocks]] = WeakKeyDictionary()

@@ -38,14 +38,17 @@ class Room:
         key = int(number), facades, widened
         if key in host.rooms:
             return host.rooms[key]
+        if not widened:
+            host.rooms[key] = cls._as_it_is(host, int(number), facades)
+            return host.rooms[key]
         whole = host.labels == number
-        top, left, bottom, right = _bounds(whole)
+        top, left, bottom, right = host.bounds[number].tolist()
         within = np.s_[top:bottom, left:right]
         # beyond the map's border nothing is cut
         around = np.pad(whole, 1, constant_values=True)[top : bottom + 2, left : right + 2]
         own = host.built[within] & whole[within]
         density = own.sum() / np.count_nonzero(whole[within])
-        if widened and not around.all():
+        if not around.all():
             squares, _ = nearest_built(~around)
             around = squares > widened**2
         block = around[1:-1, 1:-1] & whole[within]
@@ -53,6 +56,18 @@ class Room:
         weights = _weights(block, around, own, facades)
         host.rooms[key] = cls(top, left, block, ring, weights, density)
         return host.rooms[key]
+
+    @classmethod
+    def _as_it_is(cls, host: StreetBlocks, number: int, facades: float) -> "Room":
+        from evocity.operators.street_blocks._kernels import weigh_block
+
+        top, left, bottom, right = host.bounds[number].tolist()
+        block = np.empty((bottom - top, right - left), bool)
+        weights = np.empty(block.shape, np.float32)
+        density = weigh_block(
+            host.labels, host.built, number, top, left, float(facades), block, weights
+        )
+        return cls(top, left, block, np.zeros(block.shape, bool), weights, density)
 
     @property
     def within(self) -> tuple[slice, slice]:
@@ -97,6 +112,7 @@ def best_place(
     spread: float,
     rng: np.random.Generator,
     itself: bool = False,
+    sums: np.ndarray | None = None,
 ) -> Fit | None:
     """Find the best place of the ``donor`` for a street block; None if nowhere whole buildings
     cover ``enough`` of the block, a share of its own density.
@@ -106,15 +122,13 @@ def best_place(
     old places (`Room`). ``stale``, float32 ``(R, C)``, 0…1, is a discount of built cells. Under
     each isometry a few places are drawn among those within ``spread`` of the best score. The best
     of these without partial buildings wins. If the donor is the map ``itself``, places that overlap
-    the block are illegal.
+    the block are illegal. ``sums``: `sums_of` the donor and ``stale``, if they are known.
     """
-    from evocity.operators.street_blocks._kernels import SPARE, best_fit, row_sums
+    from evocity.operators.street_blocks._kernels import best_fit
 
     tall, wide = room.block.shape
     excluded = [room.top, room.left, room.top + tall, room.left + wide] if itself else [0, 0, 0, 0]
-    rows, columns = donor.built.shape
-    sums = np.zeros((2, rows, columns // 2 + 1 + SPARE), np.float32)
-    row_sums(donor.built, stale, sums)
+    sums = sums_of(donor, stale) if sums is None else sums
     least = math.ceil(enough * room.density * room.area)
     iso, top, left, _ = best_fit(
         sums, donor.components, donor.covered, stale,
@@ -129,6 +143,17 @@ def best_place(
     whole = counts == donor.covered
     whole[0] = False
     return replace(fit, kept=whole[components] & room.block)
+
+
+def sums_of(donor: StreetBlocks, stale: np.ndarray) -> np.ndarray:
+    """Sum the built cells of each row of a donor, less their discount ``stale``, as `best_fit`
+    needs them."""
+    from evocity.operators.street_blocks._kernels import SPARE, row_sums
+
+    rows, columns = donor.built.shape
+    sums = np.zeros((2, rows, columns // 2 + 1 + SPARE), np.float32)
+    row_sums(donor.built, stale, sums)
+    return sums
 
 
 def _weights(block: np.ndarray, around: np.ndarray, own: np.ndarray, facades: float) -> np.ndarray:
@@ -151,9 +176,3 @@ def _weights(block: np.ndarray, around: np.ndarray, own: np.ndarray, facades: fl
     for where, worth in parts:
         weights[where] += np.float32(worth / max(np.count_nonzero(where), 1))
     return weights
-
-
-def _bounds(mask: np.ndarray) -> tuple[int, int, int, int]:
-    """Compute top, left, bottom, right of the true cells; the last two exclusive."""
-    (rows,), (columns,) = (np.nonzero(mask.any(axis=axis)) for axis in (1, 0))
-    return int(rows[0]), int(columns[0]), int(rows[-1]) + 1, int(columns[-1]) + 1

@@ -13,7 +13,7 @@ from evocity.isometries import AFFINE
 from evocity.operators.crossover import raw_heights
 from evocity.operators.pavement_fusion import ground
 from evocity.operators.street_blocks.blocks import StreetBlocks, street_blocks
-from evocity.operators.street_blocks.placement import Fit, Room, best_place
+from evocity.operators.street_blocks.placement import Fit, Room, best_place, sums_of
 from evocity.pavement import Pavement
 
 #: A donor has the same fabric in a street block if it shares more than this of its built cells.
@@ -40,19 +40,32 @@ class Origins:
             for city, row, column in places
         ]
         self._counts = np.zeros(len(cities) * tall * wide + 1, np.int64)
+        self._known: dict[tuple[int, float], tuple[np.ndarray, np.ndarray]] = {}
 
     def count(self, origins: np.ndarray, step: int) -> None:
         """Add ``step`` to the number of each of the ``origins`` on the map."""
         np.add.at(self._counts, origins, step)
+        self._known.clear()
 
     def stale(self, genome: int, built: np.ndarray, discount: float) -> np.ndarray:
         """Compute the discount of a genome's ``built`` cells, bool ``(R, C)``: float32 ``(R, C)``,
-        ``discount`` where the origin stands on the map already. The void has no origin."""
+        ``discount`` where the origin stands on the map already. The void has no origin. The same
+        array is returned until the next `count`."""
         from evocity.operators.street_blocks._kernels import stale_cells
 
+        known = self._known.get((genome, discount))
+        if known is not None and known[0] is built:
+            return known[1]
         stale = np.empty(built.shape, np.float32)
         stale_cells(built, self.of[genome], self._counts, np.float32(discount), stale)
+        self._known[genome, discount] = built, stale
         return stale
+
+    def stand(self, genome: int, places: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+        """Tell whether the origins of a genome's cells at these rows and columns stand on the map:
+        bool ``(n,)``."""
+        origins = self.of[genome][places]
+        return (origins > 0) & (self._counts[origins] > 0)
 
 
 def _places(genome: Genome, grid: Pavement, cities: dict[str, int]) -> np.ndarray:
@@ -104,6 +117,7 @@ class Filling:
         self._origins = Origins(parents, grid)
         self._origins.count(self._origins.of[0].ravel(), 1)
         self.owner = np.zeros((grid.rows, grid.columns), np.int64)
+        self._sums: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         self._bare = np.zeros(self.owner.shape, bool)
         self._iso = np.zeros(self.owner.shape, np.uint8)
         self._cells = np.indices(self.owner.shape)
@@ -146,7 +160,15 @@ class Filling:
         same = (here == there)[built]
         # where a donor has the same fabric here, this very place would win and change nothing
         itself = donor == 0 or np.count_nonzero(same) > _SAME * same.size
-        return best_place(room, theirs, stale, self._density, self._spread, rng, itself)
+        sums = self._sums_of(donor, stale)
+        return best_place(room, theirs, stale, self._density, self._spread, rng, itself, sums)
+
+    def _sums_of(self, donor: int, stale: np.ndarray) -> np.ndarray:
+        """Sum the rows of a donor, once as long as the discount is the same array."""
+        known = self._sums.get(donor)
+        if known is None or known[0] is not stale:
+            known = self._sums[donor] = stale, sums_of(self._blocks[donor], stale)
+        return known[1]
 
     def in_place(self, number: int, donor: int) -> Fit | None:
         """Take a ``donor``'s fabric at a street block's own place, if no building lies partly

@@ -4,6 +4,8 @@
 - `births`: births bred and measured by plans, at once or elsewhere
 - `island`, `archipelago`: one population, and all populations of a search
 - `credit`: operator weights that follow success
+- `levers`: operators that move a measure towards its target
 - `omitted_genomes`: genomes that the log leaves out
+- `redraws`: other plans for births whose children equal a parent
 - `refinement`: births that an optimiser improves
 """

@@ -1,14 +1,17 @@
 """Plans of births: operator, parents and generator of each, drawn before anything is bred."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, partial
 
 import numpy as np
 
 from evocity import operators
+from evocity.fitness import Aims
 from evocity.genome import Genome
+from evocity.recipe.mixture import operator_of
 from evocity.recipe.recipe import Recipe
+from evocity.search.breeding.levers import draw_move
 from evocity.selection.algorithms import Algorithm
 from evocity.selection.individual import Individual
 from evocity.store import Reconstruction
@@ -17,7 +20,9 @@ from evocity.store import Reconstruction
 @dataclass(frozen=True)
 class BirthPlan:
     """How one individual is bred; without an operator it is its one parent. ``island``: where it is
-    born; ``reconstruction``: how to breed it later, if the log may omit its genome."""
+    born; ``reconstruction``: how to breed it later, if the log may omit its genome. ``redraw``:
+    draws the plan that replaces this one if the child equals a parent; None if nothing does.
+    ``before``: the plan that this one replaces."""
 
     id: int
     operator: object | None
@@ -26,6 +31,22 @@ class BirthPlan:
     rng: np.random.Generator = field(repr=False)
     island: str | None = None
     reconstruction: Reconstruction | None = field(default=None, repr=False)
+    redraw: "Callable[[BirthPlan], BirthPlan | None] | None" = field(default=None, repr=False)
+    before: "BirthPlan | None" = field(default=None, repr=False)
+
+    @property
+    def first(self) -> "BirthPlan":
+        """The first plan of the birth; the plan itself unless it was drawn again."""
+        return self if self.before is None else self.before.first
+
+    @property
+    def rejected(self) -> list[str]:
+        """The operators of the plans before this one, whose children equalled a parent."""
+        return [] if self.before is None else [*self.before.rejected, self.before.name]
+
+    def equals_parent(self, child: Genome) -> bool:
+        """Whether the code of a ``child`` equals that of one of its parents."""
+        return any(child.digest == genome.digest for genome in self.genomes)
 
     @property
     def name(self) -> str:
@@ -80,7 +101,7 @@ def birth_generator(seed: int, generation: int, slot: int, *more: int) -> np.ran
 
 def selection_generator(recipe: Recipe, generation: int, island: int = 0) -> np.random.Generator:
     """Return the generator of a generation's selection on an island; no birth has its slot."""
-    return birth_generator(recipe.run.seed, generation, recipe.run.population + 2 * island)
+    return birth_generator(recipe.run.seed, generation, recipe.generation_size + 2 * island)
 
 
 def admission_generator(recipe: Recipe, identifier: int) -> np.random.Generator:
@@ -91,7 +112,7 @@ def admission_generator(recipe: Recipe, identifier: int) -> np.random.Generator:
 def migration_generator(recipe: Recipe, generation: int, island: int) -> np.random.Generator:
     """Return the generator of an island's admission of migrants; with the count of islands as
     ``island``, that of the choice of migrants. No birth and no selection has its slot."""
-    return birth_generator(recipe.run.seed, generation, recipe.run.population + 2 * island + 1)
+    return birth_generator(recipe.run.seed, generation, recipe.generation_size + 2 * island + 1)
 
 
 def founder_plans(
@@ -103,7 +124,7 @@ def founder_plans(
     ordered pairs of sources in turn, with a fill from the recipe's range, else from 0.1…0.9. A
     single source has only mutants. The first weighted operators of the recipe's kind breed them.
     """
-    slots = range(recipe.run.population) if slots is None else slots
+    slots = range(recipe.generation_size) if slots is None else slots
     return [founder_plan(recipe, sources, slot) for slot in slots]
 
 
@@ -194,10 +215,13 @@ def child_plans(
     guidance: Guidance = UNGUIDED,
     island: str | None = None,
     slots: range | None = None,
+    aims: Aims | None = None,
 ) -> list[BirthPlan]:
     """Plan the children of one ``generation`` of an ``island``, or of its ``slots``. Each draws an
     operator by weight, lets the ``algorithm`` choose parents among the ``living``, and draws ranged
-    parameters. ``sources`` are further parents of operators that take from anywhere."""
+    parameters. ``sources`` are further parents of operators that take from anywhere. A share of the
+    births, by the key ``steer``, has an operator by what the first parent misses of the ``aims``.
+    """
     mixture = {name: entry.weight for name, entry in recipe.operators.items()}
     mixture |= guidance.weights.get(island, {})
     names = [name for name, weight in mixture.items() if weight > 0]
@@ -211,9 +235,17 @@ def child_plans(
     reached /= reached[-1]
     plans = []
     known, mates = operators.operators(), recipe.search.mates
+    # nobody knows what picks miss
+    steer = 0.0 if aims is None or guidance.picks.individuals else recipe.search.steer
     related = {name for name in names if mates and getattr(known[name], "crosses_plans", False)}
-    for slot in range(recipe.run.population) if slots is None else slots:
+    for slot in range(recipe.generation_size) if slots is None else slots:
         rng = birth_generator(recipe.run.seed, generation, slot)
+        identifier = generation * recipe.generation_size + slot
+        if steer and rng.random() < steer:
+            plan = steered_plan(recipe, algorithm, identifier, living, sources, aims, rng)
+            if plan is not None:
+                plans.append(plan)
+                continue
         name = names[reached.searchsorted(rng.random(), side="right")]
         choose = algorithm.parents
         if name in related and rng.random() < mates:
@@ -223,7 +255,30 @@ def child_plans(
         operator = drawing(name)(rng)
         chosen += [(i, sources[i]) for i in founder_indices(operator, len(sources))]
         ids, genomes = zip(*chosen, strict=True)
-        plans.append(
-            BirthPlan(generation * recipe.run.population + slot, operator, ids, genomes, rng)
-        )
+        plans.append(BirthPlan(identifier, operator, ids, genomes, rng))
     return plans
+
+
+def steered_plan(
+    recipe: Recipe,
+    algorithm: Algorithm,
+    identifier: int,
+    living: Sequence[Individual],
+    sources: Sequence[Genome],
+    aims: Aims,
+    rng: np.random.Generator,
+) -> BirthPlan | None:
+    """Plan a birth that makes up for what its first parent misses of the ``aims``; None if no lever
+    does."""
+    (first,) = algorithm.parents(living, 1, rng)
+    move = draw_move(aims, living[first].values, rng)
+    if move is None:
+        return None
+    name, parameters = move
+    operator = operator_of(name, parameters, recipe.genome.coding)
+    rest = [one for at, one in enumerate(living) if at != first] or [living[first]]
+    others = algorithm.parents(rest, operator.parents[0] - 1, rng)
+    chosen = [(one.id, one.genome) for one in (living[first], *(rest[at] for at in others))]
+    chosen += [(i, sources[i]) for i in founder_indices(operator, len(sources))]
+    ids, genomes = zip(*chosen, strict=True)
+    return BirthPlan(identifier, operator, ids, genomes, rng)

@@ -40,6 +40,10 @@ class Offspring:
         """Return its row in the log."""
         ended = self.evaluation or self.breeding
         genome = self.breeding.genome
+        made = (dict(genome.made) if genome is not None else {}) or self.plan.made
+        if rejected := self.plan.rejected:
+            made = {**made, "redrawn": rejected}
+            genome = None if genome is None else genome.replace(made=made)
         return Birth(
             generation=generation,
             id=self.plan.id,
@@ -51,7 +55,7 @@ class Offspring:
             values=ended.values,
             feasible=ended.status == "ok" and not aims.violation(ended.values),
             genome=genome,
-            made=(dict(genome.made) if genome is not None else {}) or self.plan.made,
+            made=made,
             island=self.plan.island,
             reconstruction=self.plan.reconstruction,
             thumbnail=self.evaluation.thumbnail if self.evaluation else None,
@@ -59,19 +63,27 @@ class Offspring:
 
 
 def breed_plans(engine: Engine, plans: Sequence[BirthPlan]) -> list[Offspring]:
-    """Breed all ``plans`` without evaluating the children."""
+    """Breed all ``plans`` without evaluating the children. A child that equals a parent is replaced
+    by that of the plan's ``redraw``."""
     jobs = [(plan.operator, plan.genomes, plan.rng) for plan in plans if plan.operator]
     outcomes = iter(engine.run("breed", jobs))
-    return [
+    offspring = [
         Offspring(plan, next(outcomes) if plan.operator else Outcome("ok", genome=plan.genomes[0]))
         for plan in plans
     ]
+    redrawn = {at: _redrawn(child.plan, child.breeding) for at, child in enumerate(offspring)}
+    redrawn = {at: plan for at, plan in redrawn.items() if plan is not None}
+    if redrawn:
+        for at, child in zip(redrawn, breed_plans(engine, [*redrawn.values()]), strict=True):
+            offspring[at] = child
+    return offspring
 
 
 def stream_offspring(engine: Engine, plans: Iterator[BirthPlan | None]) -> Iterator[Offspring]:
     """Breed and evaluate ``plans``, one job each, and yield each individual when it is done. After
     a None in ``plans``, the next plan is taken once another individual is done. The lost child of a
-    worker that hung or died is bred again, by the same draws, so that the log has its genome."""
+    worker that hung or died is bred again, by the same draws, so that the log has its genome. A
+    child that equals a parent is replaced by that of the plan's ``redraw``."""
     waiting: deque[tuple[BirthPlan, Outcome | None]] = deque()  # to be bred again
     given: dict[int, tuple[BirthPlan, Outcome | None]] = {}
     numbers = count()
@@ -92,7 +104,9 @@ def stream_offspring(engine: Engine, plans: Iterator[BirthPlan | None]) -> Itera
 
     for number, outcome in engine.stream("born", jobs()):
         plan, lost = given.pop(number)
-        if lost is None and _is_lost(plan, outcome):
+        if (other := _redrawn(plan, outcome)) is not None:
+            waiting.append((other, None))
+        elif lost is None and _is_lost(plan, outcome):
             waiting.append((plan, outcome))
         else:
             yield _offspring(plan, outcome, lost)
@@ -106,6 +120,13 @@ def _offspring(plan: BirthPlan, outcome: Outcome, lost: Outcome | None) -> Offsp
     if outcome.genome is None:
         return Offspring(plan, outcome)
     return Offspring(plan, Outcome("ok", genome=outcome.genome), lost or outcome)
+
+
+def _redrawn(plan: BirthPlan, outcome: Outcome) -> BirthPlan | None:
+    """Draw the plan that replaces one whose child equals a parent; None if the child stays."""
+    if plan.operator is None or plan.redraw is None or outcome.genome is None:
+        return None
+    return plan.redraw(plan) if plan.equals_parent(outcome.genome) else None
 
 
 def _is_lost(plan: BirthPlan, outcome: Outcome) -> bool:

@@ -13,6 +13,7 @@ from evocity.genome import Genome
 from evocity.operators.plans.inheritance import InheritedPlan, founder_name
 from evocity.recipe.recipe import Recipe
 from evocity.search.breeding.birth_plans import (
+    UNGUIDED,
     BirthPlan,
     Guidance,
     admission_generator,
@@ -25,6 +26,7 @@ from evocity.search.breeding.birth_plans import (
 )
 from evocity.search.breeding.credit import Credit
 from evocity.search.breeding.omitted_genomes import describe_rebreeding
+from evocity.search.breeding.redraws import Redraws
 from evocity.search.breeding.refinement.step import add_refinements
 from evocity.search.preparation.preparation import Prepared
 from evocity.selection.individual import Individual
@@ -61,10 +63,10 @@ class Island:
     ):
         self.recipe, self.aims, self.slots = recipe, aims, slots
         self.number, self.name = number, name
-        self.credit = Credit() if recipe.search.adapt else None
+        self.credit = Credit(recipe.search.credit) if recipe.search.adapt else None
         self._sources = [source.genome for source in prepared.sources]
         self.population = Population(
-            recipe.search.algorithm_of(len(slots)),
+            recipe.search.algorithm_of(len(slots) if name is not None else recipe.run.population),
             aims,
             prepared.header.chromosome,
             recipe.limits,
@@ -103,22 +105,31 @@ class Island:
         elif generation == 0:
             plans = founder_plans(self.recipe, self._sources, self.slots)
         else:
-            return self._child_plans(generation, guidance, self.slots, refined)
-        return [self._complete(plan) for plan in plans]
+            return self._later_plans(generation, guidance, refined)
+        return [self._complete(plan, guidance) for plan in plans]
+
+    def _later_plans(self, generation: int, guidance: Guidance, refined: bool) -> list[BirthPlan]:
+        """Plan a ``generation`` after the first: founders until there are as many as can live."""
+        first = generation * self.recipe.generation_size
+        missing = min(max(0, self.recipe.run.population - first), len(self.slots))
+        founders = [self.founder_plan(first + slot) for slot in self.slots[:missing]]
+        if missing == len(self.slots):
+            return founders
+        return founders + self._child_plans(generation, guidance, self.slots[missing:], refined)
 
     def plan(self, identifier: int, guidance: Guidance) -> BirthPlan:
         """Plan the birth ``identifier``, after generation 0, from those who live now; a founder if
         nobody does."""
         if not self.population.living:
             return self.founder_plan(identifier)
-        generation, slot = divmod(identifier, self.recipe.run.population)
+        generation, slot = divmod(identifier, self.recipe.generation_size)
         return self._child_plans(generation, guidance, range(slot, slot + 1))[0]
 
     def founder_plan(self, identifier: int) -> BirthPlan:
         """Plan the birth ``identifier`` from sources, as those of generation 0."""
         recipe = self.recipe
-        rng = birth_generator(recipe.run.seed, *divmod(identifier, recipe.run.population))
-        return self._complete(founder_plan(recipe, self._sources, identifier, rng))
+        rng = birth_generator(recipe.run.seed, *divmod(identifier, recipe.generation_size))
+        return self._complete(founder_plan(recipe, self._sources, identifier, rng), UNGUIDED)
 
     def _child_plans(
         self, generation: int, guidance: Guidance, slots: range, refined: bool = True
@@ -133,16 +144,24 @@ class Island:
             guidance,
             self.name,
             slots,
+            self.aims,
         )
         if refined:
             plans = add_refinements(plans, recipe, generation, population, self.aims, self.slots)
-        return [self._complete(plan) for plan in plans]
+        return [self._complete(plan, guidance) for plan in plans]
 
-    def _complete(self, plan: BirthPlan) -> BirthPlan:
+    def _complete(self, plan: BirthPlan, guidance: Guidance) -> BirthPlan:
+        """Add what only the island knows: its name, how the child is bred a second time, and what
+        replaces a child that equals a parent."""
         reconstruction = None if self.recipe.log.genomes == "all" else describe_rebreeding(plan)
-        if (plan.island, plan.reconstruction) == (self.name, reconstruction):
+        redraw = None
+        if self.recipe.search.redraws and plan.operator is not None and self.breeds_by is None:
+            weights = self.mixture | dict(guidance.weights.get(self.name, {}))
+            draws = Redraws(self.recipe, weights, self._sources)
+            redraw = None if hasattr(plan.operator, "bred_within") else draws
+        if (plan.island, plan.reconstruction, redraw) == (self.name, reconstruction, None):
             return plan
-        return replace(plan, island=self.name, reconstruction=reconstruction)
+        return replace(plan, island=self.name, reconstruction=reconstruction, redraw=redraw)
 
     # -- selection -----------------------------------------------------------------------------
 

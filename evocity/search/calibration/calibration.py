@@ -12,6 +12,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from evocity import fitness, store
 from evocity.citymap import CityMap
 from evocity.coding import decode
@@ -19,11 +21,19 @@ from evocity.errors import FitnessError, MapError, keyword
 from evocity.evaluation.compilation import compile_once, kernel_parts
 from evocity.evaluation.evaluator import Evaluator, Outcome
 from evocity.fitness import Measure
+from evocity.operators.pavement_fusion import DirectFusion
 from evocity.recipe.reader import recipe_of
 from evocity.recipe.recipe import Recipe
 from evocity.recipe.sections import Parent
 from evocity.search.breeding.birth_plans import child_plans
-from evocity.search.calibration.guard import BANDS, GUARD, calibrate_bound, parents_target
+from evocity.search.calibration.guard import (
+    BANDS,
+    GUARD,
+    OF_FABRIC,
+    calibrate_bound,
+    parents_target,
+    tighten_bound,
+)
 from evocity.search.calibration.recipe_text import Bound, Goal, RecipeSettings, recipe_text
 from evocity.search.preparation.preparation import Prepared, aims_of, prepare, references_of
 from evocity.selection.individual import Individual
@@ -35,6 +45,8 @@ USUAL_GOALS = ("autosimilarity", "alignment", "salingaros_law", "crumbs")
 OF_PARENTS = ("salingaros_law", "crumbs")
 #: The most generations that a time in minutes becomes.
 MOST_GENERATIONS = 1_000_000
+#: Seconds of a core that a birth costs besides its worker: the main process and waits.
+BESIDE = 0.01
 #: Births that are timed, and births before them that load what they need.
 _TIMED, _LOADING = 10, 3
 
@@ -59,12 +71,12 @@ class CalibratedRecipe:
 
     @property
     def births(self) -> int:
-        return self.recipe.run.population * (self.recipe.run.generations + 1)
+        return self.recipe.generation_size * (self.recipe.run.generations + 1)
 
     @property
     def duration(self) -> float:
         """Seconds that all births take, on as many workers as there are cores."""
-        return self.births * self.seconds / max(1, self.recipe.worker_count)
+        return self.births * _pace(self.seconds, self.recipe)
 
 
 def calibrate_recipe(
@@ -102,6 +114,7 @@ def calibrate_recipe(
     bounds = {one.name: calibrate_bound(one, values[one.name]) for one in guard}
     unbounded = [name for name, bound in bounds.items() if bound is None]
     bounds = [bound for bound in bounds.values() if bound is not None]
+    bounds, loose = _tighten(bounds, values, prepared, cities)
     recipe = _read_recipe(recipe_text(settings, goals, bounds, values), path)
     tell("breeding trial children to estimate the duration")
     compile_once(recipe.genome.block, kernel_parts(recipe), tell)
@@ -116,8 +129,11 @@ def calibrate_recipe(
         *_note_reached(goals, first.name),
         *_note_best(goals, values),
         *_note_beyond(goals, values),
+        *_note_unkept(goals, bounds, values),
+        *_note_idle(goals),
+        *loose,
         *(
-            f"{n}: no bound, for it is undefined for {_list_undefined(values[n])}"
+            f"{n}: no bound, because it is undefined for {_list_undefined(values[n])}"
             for n in unbounded
             if n != "smallest_share" or len(cities) > 1
         ),
@@ -151,24 +167,98 @@ def _with_generations(settings: RecipeSettings, recipe: Recipe, seconds: float) 
     ``seconds``; at least one."""
     if settings.minutes is None:
         return settings
-    pace = settings.population * seconds / max(1, recipe.worker_count)
+    pace = settings.population * _pace(seconds, recipe)
     bred = 60 * settings.minutes / max(pace, 1e-9) - 1  # the first population takes as long
     return replace(settings, generations=max(1, min(int(bred), MOST_GENERATIONS)))
+
+
+def _pace(seconds: float, recipe: Recipe) -> float:
+    """Return the seconds between two births, if one takes a worker so many ``seconds``."""
+    return (seconds + BESIDE) / max(1, recipe.worker_count)
 
 
 def _values(
     measure: Measure, prepared: Prepared, cities: Sequence
 ) -> dict[str, tuple[float, float]]:
     """Parent -> values of its map and its code."""
-    if "reference" in measure.takes:
-        named = prepared.references.get(measure.name)
-        measure = measure.bound(named or fitness.Reference.sources(cities))
-    values = {}
+    measure, values = _with_reference(measure, prepared, cities), {}
     for source in prepared.sources:
         extras = {"genome": source.genome, "parents": [source.genome], "sources": cities}
         code = decode(source.genome).city
         values[source.name] = tuple(measure(city, **extras) for city in (source.city, code))
     return values
+
+
+def _with_reference(measure: Measure, prepared: Prepared, cities: Sequence) -> Measure:
+    """Bind a measure that compares cities to those of the recipe, or to the parents."""
+    if "reference" not in measure.takes:
+        return measure
+    named = prepared.references.get(measure.name)
+    return measure.bound(named or fitness.Reference.sources(cities))
+
+
+def _tighten(
+    bounds: Sequence[Bound], values: Mapping, prepared: Prepared, cities: Sequence
+) -> tuple[list[Bound], list[str]]:
+    """Tighten ``bounds`` that a heap of cut buildings keeps, and note those that bound nothing. The
+    heap has lifs of all parents, each drawn by itself, without repair."""
+    parents = [source.genome for source in prepared.sources]
+    if len(parents) < 2:
+        return list(bounds), []
+    heap = DirectFusion(repair=None)(parents, np.random.default_rng(0))
+    city, extras = decode(heap).city, {"genome": heap, "parents": parents, "sources": cities}
+    tightened, notes = [], []
+    for bound in bounds:
+        note = ""
+        if bound.measure.name in OF_FABRIC:
+            measure = _with_reference(bound.measure, prepared, cities)
+            of_parents = values[bound.measure.name]
+            bound, note = tighten_bound(bound, of_parents, measure(city, **extras))
+        tightened.append(bound)
+        notes += [note] if note else []
+    return tightened, notes
+
+
+def _note_unkept(goals: Sequence[Goal], bounds: Sequence[Bound], values: Mapping) -> list[str]:
+    """Notes on bounds that no parent's own code keeps. Codes need not keep a bound on
+    `smallest_share`; `_note_beyond` has the user's bounds that no map keeps either."""
+    given = [(goal.measure, goal.bounds) for goal in goals if goal.bounds and goal.within is None]
+    beyond = [keys for _, keys in given]
+    given += [(bound.measure, bound.keys) for bound in bounds]
+    notes = []
+    for measure, keys in given:
+        codes = [code for _, code in values[measure.name].values()]
+        low, high = keys.get("min", -math.inf), keys.get("max", math.inf)
+        kept = any(low <= code <= high for code in codes)  # NaN keeps no bound
+        maps = [of_map for of_map, _ in values[measure.name].values()]
+        if keys in beyond and not any(low <= of_map <= high for of_map in maps):
+            continue
+        if not kept and measure.name != "smallest_share":
+            listed = " and ".join(f"{key} = {value:g}" for key, value in keys.items())
+            reached = [f"{code:.3g}" for code in codes if not math.isnan(code)]
+            notes.append(
+                f"{measure.name}: no parent's own code keeps {listed} (the codes have "
+                f"{', '.join(reached) or 'no value'}), so no city of the first generation may keep "
+                "it; widen the bound, or choose other parents"
+            )
+    return notes
+
+
+def _note_idle(goals: Sequence[Goal]) -> list[str]:
+    """Notes on bounds of the user that all values of a measure keep."""
+    notes = []
+    for goal in goals:
+        low, high = goal.measure.range
+        if (
+            goal.bounds
+            and goal.bounds.get("min", low) <= low
+            and goal.bounds.get("max", high) >= high
+        ):
+            notes.append(
+                f"{goal.measure.name}: its bounds bound nothing, because all values lie from "
+                f"{low:g} to {high:g}; give a narrower bound, or remove it"
+            )
+    return notes
 
 
 def _refuse_empty(city: CityMap, parent: Parent) -> None:
@@ -199,7 +289,9 @@ def _select_goals(
             )
         if not own and len(defined) < len(of_parents):
             undefined = _list_undefined(of_parents)
-            left_out.append(f"{goal.measure.name}: no goal, for it is undefined for {undefined}")
+            left_out.append(
+                f"{goal.measure.name}: no goal, because it is undefined for {undefined}"
+            )
             continue
         if goal.of_parents:
             goal = replace(goal, target=parents_target(goal.measure, of_parents))
@@ -317,7 +409,10 @@ def _describe_failures(trials: Sequence[Outcome], limit: float) -> tuple[list[st
     said = f"{len(failed)} of {len(trials)} trial births failed; the first: {failed[0].error}"
     if len(failed) <= limit * len(trials):
         return [said], ""
-    return [], f"{said}\n  A run stops when more than {limit:.0%} of a generation's births fail"
+    return (
+        [],
+        f"{said}\n  A run stops when more than {100 * limit:.0f} % of a generation's births fail",
+    )
 
 
 def _with_recipe(prepared: Prepared, recipe: Recipe) -> Prepared:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 from evocity import fitness
 from evocity.fitness import Measure
@@ -22,6 +23,8 @@ GUARD = (
 )
 #: The measures that the guard bounds only if they are no goals.
 BANDS = ("gsi", "fsi")
+#: The measures of the guard that keep out heaps of cut buildings, and have a highest value.
+OF_FABRIC = ("fabric_distance", "street_distance", "small_buildings", "slivers")
 #: Least share of what is built that stands in whole buildings of the parents.
 LEAST_INTEGRITY = 0.5
 #: The least bound of the fabric distance; and how many times the codes' own distance it may be.
@@ -30,7 +33,8 @@ NEAR, TIMES_CODED = 0.15, 2.0
 NEAR_STREETS = 0.1
 #: The least bound of the repetition.
 TWICE = 0.01
-#: How many times the small buildings of the parent with most of them; the least bound, 1/ha.
+#: How many times the small buildings of the map with most of them, if all codes keep that; the
+#: least bound, 1/ha.
 TIMES_SMALL, FEW_SMALL = 1.3, 0.1
 #: By how much the share of slivers may exceed that of the code with most of them.
 MORE_SLIVERS = 0.06
@@ -52,6 +56,23 @@ def calibrate_bound(measure: Measure, values: Values) -> Bound | None:
     return _CALIBRATIONS[measure.name](measure, maps, codes)
 
 
+def tighten_bound(bound: Bound, values: Values, heap: float) -> tuple[Bound, str]:
+    """Return the ``bound`` of a measure of `OF_FABRIC` such that a ``heap`` of cut buildings breaks
+    it and the codes keep it: halfway between both, if the usual bound is wider. If the heap is no
+    worse than a code, return the bound, and a note that it bounds nothing."""
+    most = max(code for _, code in values.values())
+    if bound.max is None or math.isnan(heap) or heap > bound.max:
+        return bound, ""
+    halfway = round_bound((most + heap) / 2, up=True)
+    if most <= halfway < heap:
+        return replace(bound, max=halfway, relaxed=False, tightened=True), ""
+    name = bound.measure.name
+    return bound, (
+        f"{name}: the bound {bound.max:g} bounds nothing, because a heap of cut buildings has "
+        f"{heap:.3g}, and a parent's own code {most:.3g}; smaller pixels make codes truer"
+    )
+
+
 def parents_target(measure: Measure, values: Values) -> float:
     """Return the target of a usual goal: the mean of the parents' maps. If all maps have the law of
     Salingaros, the target of `salingaros_law` is 1. Codes replace undefined values of maps."""
@@ -67,8 +88,8 @@ def _integrity(measure: Measure, maps: Sequence[float], codes: Sequence[float]) 
 
 def _small_buildings(measure: Measure, maps: Sequence[float], codes: Sequence[float]) -> Bound:
     most = max(TIMES_SMALL * max(maps), FEW_SMALL)
-    if min(codes) > most:
-        return Bound(measure, max=round_bound(min(codes), up=True), relaxed=True)
+    if max(codes) > most:
+        return Bound(measure, max=round_bound(max(codes), up=True), relaxed=True)
     return Bound(measure, max=round_bound(most, up=False))
 
 

@@ -13,6 +13,8 @@ from evocity.recipe.mixture import OperatorEntry, plan_operators, usual_operator
 from evocity.recipe.sections import GenomeSection
 
 _WIDTH = 100
+#: More births than this fill a disk with genomes: the log of their recipe keeps fewer.
+MANY_BIRTHS = 50_000
 
 
 @dataclass(frozen=True)
@@ -68,18 +70,24 @@ class Goal:
 
 @dataclass(frozen=True)
 class Bound:
-    """A bound of the guard; ``relaxed``: wider than usual, since the codes keep no other."""
+    """A bound of the guard; ``relaxed``: wider than usual, since a code keeps no other;
+    ``tightened``: narrower than usual, since a heap of cut buildings keeps the usual bound."""
 
     measure: Measure
     min: float | None = None
     max: float | None = None
     relaxed: bool = False
+    tightened: bool = False
 
     @property
     def keys(self) -> dict[str, float]:
         bounds = {"min": self.min, "max": self.max}
         return {key: bound for key, bound in bounds.items() if bound is not None}
 
+
+#: Factors of the least and the longest time of a run, of the births' number times the mean time of
+#: a trial birth, over the workers. Nine of ten runs of `benchmarks/estimates.py` lie within.
+DURATIONS = (0.6, 5.0)
 
 #: The purpose of each bound of the guard.
 _REASONS = {
@@ -112,8 +120,8 @@ _REASONS = {
     ),
     "smallest_share": (
         "smallest_share: share of the parent from which the least built ground comes. The bound is "
-        "half of an equal share. Without it most searches breed copies of one parent. The parents "
-        "themselves cannot keep it: only children can."
+        "half of an equal share. Without this bound, most searches breed copies of one parent. The "
+        "parents themselves cannot keep the bound: only children can. Locked pixels do not count."
     ),
     "gsi": (
         "gsi: built share of the ground. The band reaches from a tenth below the least to a tenth "
@@ -132,7 +140,14 @@ _OF_LAW = "The nearer the target, the better: the parents' maps have the law, so
 _CONSTRAINT = "No goal: every birth should keep these bounds."
 _LOCKED = "pixels that no birth changes"
 _TARGET = "The nearer the target, the better."
-_RELAXED = "The codes of the parents have more than that: the bound is what the better of them has."
+_GENOMES = "genomes of other births are bred again when they are needed"
+_RELAXED = (
+    "A code of a parent has more than that: the bound is the largest value of the parents' codes."
+)
+_TIGHTENED = (
+    "A heap of cut buildings keeps that: the bound is halfway between the parents' codes and the "
+    "heap."
+)
 
 
 def recipe_text(
@@ -194,6 +209,8 @@ def recipe_text(
         _table("[evaluation]", {"timeout": 60}, {"timeout": "seconds that one individual may take"})
         + "# workers = 2            # processes that evaluate; one a core while this is a comment\n"
     )
+    if settings.population * (settings.generations + 1) > MANY_BIRTHS:
+        parts.append(_table("[log]", {"genomes": "survivors"}, {"genomes": _GENOMES}))
     return "\n".join(parts)
 
 
@@ -220,14 +237,26 @@ def describe_duration(seconds: float) -> str:
     return f"{seconds / 3600:.1f} hours"
 
 
+def describe_forecast(seconds: float) -> str:
+    """Describe the range of the time of a run, from the ``seconds`` that it takes if all births are
+    as the trial births."""
+    least, most = (describe_duration(factor * seconds) for factor in DURATIONS)
+    number, unit = least.split()
+    return (
+        f"{number} to {most}"
+        if most.split()[1].rstrip("s") == unit.rstrip("s")
+        else f"{least} to {most}"
+    )
+
+
 def _head(settings: RecipeSettings, cost) -> str:
     text = f"Written by {settings.by}, to be changed. docs/recipe.md explains every key."
     if cost is not None:
         births, each, whole = cost
         text += (
             f" {births} births; one took {1000 * each:.0f} ms here, bred and measured, so that all "
-            f"take about {describe_duration(whole)} on this machine's cores. Children of the "
-            "parents were timed; later ones may take longer."
+            f"take {describe_forecast(whole)} on this machine's cores. Children of the parents "
+            "were timed; later ones may take longer."
         )
     return _comment(text)
 
@@ -260,19 +289,20 @@ def _operators(parents: int) -> str:
 
 
 #: Keys of ``[search]`` in a new recipe with several parents.
-_SEARCH: Mapping[str, tuple[float, str]] = {
+SEARCH_KEYS: Mapping[str, tuple[float, str]] = {
     "distinct": (1.0, "share of the living that should differ from each other"),
     "apart": (0.15, "two cities differ if more of their pixels differ by a storey"),
     "per_plan": (8, "most of the living with one changed plan of streets"),
     "source_plans": (0.25, "share of the living that is kept for the plans of the parents"),
     "twins": (0.005, "births that differ from a living one in a smaller share do not enter"),
     "mates": (1.0, "share of the crossings whose two parents have one plan"),
+    "redraws": (3, "how often a birth that equals a parent is drawn again"),
 }
 
 
 def _search() -> str:
-    values = {key: value for key, (value, _) in _SEARCH.items()}
-    return _table("[search]", values, {key: about for key, (_, about) in _SEARCH.items()})
+    values = {key: value for key, (value, _) in SEARCH_KEYS.items()}
+    return _table("[search]", values, {key: about for key, (_, about) in SEARCH_KEYS.items()})
 
 
 def _parent(entry: Mapping[str, Any], uncredited: bool) -> str:
@@ -321,6 +351,7 @@ def _describe_target(goal: Goal) -> str:
 
 def _reason(bound: Bound, values: Mapping) -> str:
     text = _REASONS[bound.measure.name] + (" " + _RELAXED if bound.relaxed else "")
+    text += " " + _TIGHTENED if bound.tightened else ""
     return _comment(text + _parent_values(bound.measure.name, values))
 
 

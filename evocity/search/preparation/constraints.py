@@ -4,7 +4,7 @@ If no parent keeps a bound, births must reach it from outside. With most measure
 note tells the user how far away the parents are. Births have no more of their parents than these
 have themselves (`integrity`, `fabric_distance`): such a bound is then a fault of the recipe.
 Founders have one city each, so they always break a bound on `smallest_share`; only children must
-keep it.
+keep it. No child keeps it if a parent has no building outside the locked pixels.
 """
 
 import math
@@ -92,6 +92,7 @@ def describe_unkept_bounds(prepared: Prepared, engine: Engine) -> list[str]:
     The ``engine`` measures the parents' codes. Raises `RecipeError` if no parent keeps a bound that
     no birth can keep better, or if an algorithm cannot begin with the parents' values.
     """
+    _check_free_buildings(prepared)
     recipe = prepared.recipe
     names = {one.measure.name for one in prepared.aims.wanted if one.constraint is not None}
     names.update(recipe.described)
@@ -153,6 +154,25 @@ def describe_unkept(constraints: Sequence[ParentConstraint]) -> list[str]:
         )
         return [f"no parent's own code keeps all constraints at once. Kept are {kept}"]
     return []
+
+
+def _check_free_buildings(prepared: Prepared) -> None:
+    """Raise `RecipeError` if children need a share of each parent, and all buildings of a parent
+    stand in locked pixels."""
+    if prepared.condensation is None or prepared.header.shares == "all":
+        return
+    locked = prepared.condensation.mask
+    bare = [one.name for one in prepared.sources if not (one.city.built & ~locked).any()]
+    for wanted in prepared.aims.wanted if bare else ():
+        bound = wanted.constraint
+        if wanted.measure.name == smallest_share.name and bound is not None and bound.low:
+            raise RecipeError(
+                f"no child keeps {ParentConstraint(bound, {}, True).bounds_text}: all buildings of "
+                f"{' and of '.join(bare)} stand in locked pixels, which do not count",
+                "parents with buildings outside the locked pixels",
+                "lock less, choose other parents or windows, or remove the bound on "
+                f"{smallest_share.name}",
+            )
 
 
 def round_bound(value: float, *, up: bool) -> float:

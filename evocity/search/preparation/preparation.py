@@ -246,6 +246,12 @@ def map_of(recipe: Recipe, like: str) -> str:
     return parent.place if parent else like
 
 
+def takes_void(recipe: Recipe) -> bool:
+    """Whether an operator of a ``recipe`` lays open ground that no city has."""
+    breeding = [one.operator(name) for one in recipe.local for name in one.breeding]
+    return any(getattr(one, "void", False) or getattr(one, "lays_void", False) for one in breeding)
+
+
 def _header(
     recipe: Recipe,
     cities: list[CityMap],
@@ -253,8 +259,7 @@ def _header(
     attribution: str,
 ) -> Header:
     names = [city.name for city in cities]
-    breeding = [one.operator(name) for one in recipe.local for name in one.breeding]
-    if any(getattr(one, "void", False) or getattr(one, "lays_void", False) for one in breeding):
+    if takes_void(recipe):
         names.append(VOID)  # open ground that no city has
     if len(names) > 255:
         raise RecipeError(
@@ -276,11 +281,12 @@ def _header(
         origin=origin,
         crs=crs,
         seed=recipe.run.seed,
-        population=recipe.run.population,
+        population=recipe.generation_size,
         recipe_hash=store.hash_of_text(recipe.text),
         measures=tuple(measure.name for measure in recipe.measures),
         recorded=tuple(measure.name for measure in recipe.recorded),
         locked=None if condensation is None else condensation.digest,
+        shares="all" if condensation is None else "free",
         settle=recipe.genome.settle,
         marks=tuple(dict.fromkeys(mark for kind in kinds for mark in kind.marks)),
         figures=() if recipe.islands else kinds[0].figures,

@@ -77,6 +77,7 @@ def provenance_of(
             "overrides": recipe.overrides,
             "operators": _mixture(recipe),
             "search": recipe.search.settings,
+            **({} if recipe.search.births is None else {"population": recipe.run.population}),
             **_islands(recipe),
         },
         "maps": [

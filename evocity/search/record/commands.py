@@ -70,7 +70,11 @@ class Pick(Command):
 
     @property
     def words(self) -> str:
-        share = "" if self.share is None else f", first parents of {self.share:.0%} of the births"
+        share = (
+            ""
+            if self.share is None
+            else f", first parents of {100 * self.share:.0f} % of the births"
+        )
         return f"picked: {' '.join(map(str, self.ids))}{share}"
 
 

@@ -23,7 +23,9 @@ def rebreed(
     log. Raises whatever its operator does."""
     from evocity import operators  # most runs are read without
 
-    operator = operators.make(birth.operator, **json.loads(birth.reconstruction.settings))
+    settings = json.loads(birth.reconstruction.settings)
+    settings = operators.with_older_values(birth.operator, settings)
+    operator = operators.make(birth.operator, **settings)
     child = header.chromosome.breed(operator, parents, generator_at(birth.reconstruction.generator))
     return header.chromosome.adopt(child, header, condensation, birth.made)
 

@@ -23,7 +23,7 @@ def plan_of(run: RunLog, prepared: Prepared, identifier: int) -> BirthPlan:
     ``made``, or if the log has another operator or other parents.
     """
     recipe = prepared.recipe
-    if recipe.search.breeds_by is not None and identifier >= recipe.run.population:
+    if recipe.search.breeds_by is not None and identifier >= recipe.generation_size:
         raise RunError(
             f"{run.path}: the algorithm {recipe.search.algorithm} bred individual {identifier} "
             "with its own operator",
@@ -32,6 +32,8 @@ def plan_of(run: RunLog, prepared: Prepared, identifier: int) -> BirthPlan:
         )
     (plan,) = plans_of(run, prepared, [identifier])
     (birth,) = run.individuals([identifier])
+    for _ in birth.made.get("redrawn", ()):  # its first children equalled a parent
+        plan = (plan.redraw and plan.redraw(plan)) or plan
     if (plan.name, tuple(plan.parents)) != (birth.operator, tuple(birth.parents)):
         raise RunError(
             f"{run.path}: individual {identifier} was bred by {birth.operator} from "
@@ -47,7 +49,7 @@ def plans_of(run: RunLog, prepared: Prepared, ids: Iterable[int]) -> Iterator[Bi
     """Draw the plans of the births ``ids`` of a ``run``, each once and by id, without a look at
     their logged operators and parents. ``prepared``: as in `plan_of`."""
     recipe, ids = prepared.recipe, sorted(set(ids))
-    size = recipe.run.population
+    size = recipe.generation_size
     generations = groupby(ids, lambda identifier: identifier // size)
     if recipe.search.breeds_by is not None:
         by_generation = {generation: list(group) for generation, group in generations}
@@ -63,7 +65,7 @@ def plans_of(run: RunLog, prepared: Prepared, ids: Iterable[int]) -> Iterator[Bi
 def _generation_plans(
     run: RunLog, prepared: Prepared, generation: int, ids: Iterable[int]
 ) -> Iterator[BirthPlan]:
-    size, guidance = prepared.recipe.run.population, UNGUIDED
+    size, guidance = prepared.recipe.generation_size, UNGUIDED
     population = Archipelago(prepared)
     if generation:
         past = PastState.of(run, prepared, generation)
@@ -103,7 +105,7 @@ def _learner_plans(
             weights = orders.weights
             population.reweigh(weights)
         plans = island.plans(generation, UNGUIDED)
-        yield from (plans[one % recipe.run.population] for one in ids.get(generation, ()))
+        yield from (plans[one % recipe.generation_size] for one in ids.get(generation, ()))
         island.population.select(births, selection_generator(recipe, generation))
 
 

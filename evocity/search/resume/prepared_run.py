@@ -28,7 +28,12 @@ from evocity.search.preparation.preparation import (
 from evocity.search.preparation.provenance import find_copies
 from evocity.search.preparation.trust import NO_PERMISSION, Permission, refuse_untrusted
 from evocity.search.record.aims import provenance_read
-from evocity.search.resume.recipe_changes import apply_overrides, refuse_revision, revised_header
+from evocity.search.resume.recipe_changes import (
+    apply_overrides,
+    population_of,
+    refuse_revision,
+    revised_header,
+)
 from evocity.store import Header, RunLog, Source
 
 #: Defaults of releases before leaves.
@@ -43,6 +48,8 @@ _BEFORE_QUARTERS = {
 }
 #: How releases before algorithms selected.
 _BEFORE_ALGORITHMS = {"algorithm": "nsga2", "distinct": 0}
+#: How releases that did not note it credited operators.
+_BEFORE_CREDIT = {"credit": "archive"}
 
 
 def read_preparation(
@@ -103,7 +110,7 @@ def _recipe(run: RunLog, overrides: Mapping[str, object], copies: Mapping[str, s
     values |= {key: value for key, value in overrides.items() if value is not None}
     mixture = run.provenance["recipe"].get("operators", _BEFORE_QUARTERS)
     older = {"operators": mixture} | ({} if run.header.block is None else _BEFORE_LEAVES)
-    selected = run.provenance["recipe"].get("search", _BEFORE_ALGORITHMS)
+    selected = _BEFORE_CREDIT | run.provenance["recipe"].get("search", _BEFORE_ALGORITHMS)
     older |= {f"search.{key}": value for key, value in selected.items()}
     noted = run.provenance["recipe"].get("islands", [])
     older["islands"] = [
@@ -117,7 +124,8 @@ def _refuse_another_run(run: RunLog, header: Header, recipe: Recipe) -> None:
     search = run.provenance["recipe"].get("search", _BEFORE_ALGORITHMS)
     fixed = {
         "run.seed": (header.seed, recipe.run.seed),
-        "run.population": (header.population, recipe.run.population),
+        "run.population": (population_of(run), recipe.run.population),
+        "search.births": (search.get("births"), recipe.search.births),
         "run.kind": (header.kind, recipe.kind.name),
         "curves": [tomllib.loads(t).get("curves", []) for t in (run.recipe_text, recipe.text)],
         "genome.block": (header.block, recipe.genome.block if header.block else None),

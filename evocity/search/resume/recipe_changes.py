@@ -6,13 +6,14 @@ from dataclasses import replace
 
 from evocity import store
 from evocity.errors import RecipeError, spell
+from evocity.genome import VOID
 from evocity.recipe.reader import recipe_of
 from evocity.recipe.recipe import Recipe
 from evocity.recipe.sections import GenomeSection
 from evocity.recipe.values import PARENTS
 from evocity.search.preparation.changes import noted_measures
 from evocity.search.preparation.masks import part_names
-from evocity.search.preparation.preparation import map_of
+from evocity.search.preparation.preparation import map_of, takes_void
 from evocity.search.preparation.provenance import collect_own_files
 from evocity.selection.algorithms import algorithms
 from evocity.store import Header, RunLog
@@ -21,6 +22,7 @@ from evocity.store import Header, RunLog
 _WHY = {
     "run.seed": "all births are drawn from it",
     "run.population": "births are numbered by it",
+    "search.births": "births are numbered by it",
     "run.kind": "births are of it",
     "curves": "every birth has these curves, of these widths",
     "map": "parents and births are maps of this window",
@@ -42,7 +44,11 @@ _BOUND = {
 _FREE = (
     "picks",
     "adapt",
+    "credit",
+    "steer",
+    "tournament",
     "mates",
+    "redraws",
     "distinct",
     "apart",
     "per_plan",
@@ -60,7 +66,9 @@ def apply_overrides(recipe: Recipe, run: RunLog, overrides: Mapping[str, object]
     lasting = {key: before[key] for key in _LASTING if key in before}
     given = {key: value for key, value in overrides.items() if value is not None}
     values = lasting | dict(recipe.overrides) | given
-    changed = recipe_of(recipe.text, recipe.folder, values, recipe.file or "the new recipe")
+    credit = run.provenance["recipe"].get("search", {}).get("credit", "archive")
+    name, older = recipe.file or "the new recipe", {"search.credit": credit}
+    changed = recipe_of(recipe.text, recipe.folder, values, name, defaults=older)
     changed._file = recipe.file
     return changed
 
@@ -74,6 +82,8 @@ def refuse_revision(run: RunLog, recipe: Recipe) -> None:
         if before != now
     ]
     faults += _measure_faults(run, recipe)
+    if VOID not in run.header.cities and takes_void(recipe):
+        faults.append("an operator lays open ground of its own, which the run's cities lack")
     done = len(run.generations) - 1
     if recipe.run.generations < done:
         faults.append(f"run.generations: {recipe.run.generations}, but {done} are done")
@@ -97,7 +107,7 @@ def _fixed_values(run: RunLog, recipe: Recipe) -> list[tuple[str, object, object
     window = {"pixels": header.width, "metres_per_pixel": header.metres_per_pixel}
     pairs = [
         ("run.seed", header.seed, recipe.run.seed),
-        ("run.population", header.population, recipe.run.population),
+        ("run.population", population_of(run), recipe.run.population),
         ("run.kind", header.kind, recipe.kind.name),
         ("curves", old.get("curves"), new.get("curves")),
         ("map", window, recipe.map.model_dump()),
@@ -113,6 +123,12 @@ def _fixed_values(run: RunLog, recipe: Recipe) -> list[tuple[str, object, object
     else:  # releases before leaves had other defaults
         pairs.append(("genome", old.get("genome"), new.get("genome")))
     return pairs + _search(run, recipe)
+
+
+def population_of(run: RunLog) -> int:
+    """Return how many live at most in a ``run``: as many as a generation has births, unless the
+    recipe has the key ``births``."""
+    return run.provenance["recipe"].get("population", run.header.population)
 
 
 def columns_of(provenance: Mapping) -> dict[str, tuple[str, ...]]:
@@ -201,7 +217,8 @@ def _search(run: RunLog, recipe: Recipe) -> list[tuple[str, object, object]]:
     pairs = [("search.algorithm", name, recipe.search.algorithm)]
     if name != recipe.search.algorithm:
         return pairs
-    bound = {key for key in {*noted, *now} if key not in _FREE}
+    pairs.append(("search.births", noted.get("births"), now["births"]))
+    bound = {key for key in {*noted, *now} if key not in (*_FREE, "births")}
     pairs.append(("search", {k: noted.get(k) for k in bound}, {k: now.get(k) for k in bound}))
     if algorithms()[name].replays:
         old, new = tomllib.loads(run.recipe_text), tomllib.loads(recipe.text)

@@ -185,7 +185,7 @@ def refine(
         if outcome.status == "ok":
             birth = replace(birth, values=outcome.values)
     offered: Mapping[int, None] = {}
-    local = recipe.at(birth.id % recipe.run.population)
+    local = recipe.at(birth.id % recipe.generation_size)
     if way == "fit":
         climbed = _fit_to_map(birth, towards, budget, score, engine, progress)
     elif way == "lambda_field":

@@ -85,8 +85,10 @@ class ResumedRun:
         """The credit of operators, by island."""
         aims, islands = self.prepared.aims, self.prepared.recipe.islands
         by_island = {island.name: island.aims_of(aims) for island in islands} or {None: aims}
-        events = self.run.events()
-        return {name: credit_of(self.run, aims, events, name) for name, aims in by_island.items()}
+        events, by = self.run.events(), self.prepared.recipe.search.credit
+        return {
+            name: credit_of(self.run, aims, events, name, by) for name, aims in by_island.items()
+        }
 
     def steering(self, births: Births) -> Steering:
         """Return the steering that goes on by the commands so far; ``births`` finds genomes."""

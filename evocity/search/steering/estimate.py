@@ -15,12 +15,17 @@ from evocity.search.steering.stop_rules import Clock, current_time, size_of
 from evocity.store import Thumbnails
 from evocity.store.layout import BIRTHS, MEMBERSHIP, Folder
 
+#: Factors of the least and the largest bytes and seconds that a run takes, of those that its first
+#: generation would take each time. Nine of ten runs of `benchmarks/estimates.py` lie within.
+SIZES, TIMES = (0.7, 2.5), (0.5, 3.0)
+
 
 @dataclass(frozen=True)
 class Estimate:
-    """The cost of all ``births`` of a run: ``size`` bytes, of ``free`` ones on the disk, and
-    ``seconds`` more. ``last``: the generation by which ``stop``, a key of the recipe's ``[stop]``
-    in words, ends the run, with the bytes ``needed`` until then; None if nothing does."""
+    """The cost of all ``births`` of a run, if all generations are as the first: ``size`` bytes, of
+    ``free`` ones on the disk, and ``seconds`` more. ``last``: the generation by which ``stop``, a
+    key of the recipe's ``[stop]`` in words, ends the run, with the bytes ``needed`` until then;
+    None if nothing does."""
 
     births: int
     size: int
@@ -31,13 +36,24 @@ class Estimate:
     needed: int | None = None
 
     @property
+    def sizes(self) -> tuple[int, int]:
+        """The least and the largest bytes that the run takes."""
+        return round(SIZES[0] * self.size), round(SIZES[1] * self.size)
+
+    @property
+    def times(self) -> tuple[float, float]:
+        """The least and the most seconds that the run still takes."""
+        return TIMES[0] * self.seconds, TIMES[1] * self.seconds
+
+    @property
     def words(self) -> str:
         """The estimate in one line."""
-        each = format_bytes(round(self.size / self.births))
-        left = timedelta(seconds=round(self.seconds))
+        least, most = self.sizes
+        each = " to ".join(format_bytes(round(size / self.births)) for size in (least, most))
+        left = " to ".join(str(timedelta(seconds=round(time))) for time in self.times)
         text = (
-            f"about {self.births} births of {each}: {format_bytes(self.size)} of the disk "
-            f"({format_bytes(self.free)} free) and {left} more"
+            f"{self.births} births of {each}: {format_bytes(least)} to {format_bytes(most)} of the "
+            f"disk ({format_bytes(self.free)} free) and {left} more"
         )
         if self.last is None:
             return text
@@ -45,14 +61,16 @@ class Estimate:
 
     @property
     def warning(self) -> str:
-        """The advice if the disk will not hold the run; "" if it will."""
+        """The advice if the disk may not hold the run; "" if it will."""
         needed = self.size if self.needed is None else self.needed
-        if needed <= self.free:
+        most = needed if self.needed is not None else self.sizes[1]
+        if most <= self.free:
             return ""
+        may = "will" if needed > self.free else "may"
         return (
-            f"the disk will not hold this run: about {format_bytes(needed)} are needed, "
-            f"{format_bytes(self.free)} are free. Free some space, or breed fewer generations; "
-            "what is written stays readable"
+            f"the disk {may} not hold this run: about {format_bytes(needed)} are needed, at most "
+            f"{format_bytes(most)}; {format_bytes(self.free)} are free. Free some space, or breed "
+            "fewer generations; what is written stays readable"
         )
 
 
@@ -63,7 +81,7 @@ def describe_bound(folder: str | os.PathLike, recipe: Recipe) -> str:
     free = shutil.disk_usage(folder).free
     return (
         f"{births} births, at most {format_bytes(most)} of the disk ({format_bytes(free)} free); "
-        f"the first {recipe.run.population} will tell how long it takes"
+        f"the first {recipe.generation_size} will tell how long it takes"
     )
 
 
@@ -71,7 +89,7 @@ def largest_run(sources: Path, recipe: Recipe) -> tuple[int, int]:
     """Return how many births a run has, and the bytes that they take at most: no genome is larger
     than those of its ``sources``, a file each in that folder; a thumbnail has a byte a cell."""
     sizes = [path.stat().st_size for path in sources.glob("*.genome.parquet")]
-    births = recipe.run.population * (recipe.run.generations + 1)
+    births = recipe.generation_size * (recipe.run.generations + 1)
     side = recipe.map.pixels
     thumbnails = Thumbnails.of(side, side, 1.0)
     thumbnail = 0 if thumbnails is None else math.prod(thumbnails.shape(side, side))

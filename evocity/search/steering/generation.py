@@ -87,8 +87,8 @@ def refuse_failures(births: Sequence[Birth], limit: float, generation: int, aliv
     raise RunError(
         f"{len(failed)} of {len(births)} births of generation {generation} failed ({said}); "
         f"first error: {failed[0].error}",
-        f"at most {limit:.0%} failed births (the limit evaluation.max_failures), and at least one "
-        "living individual",
+        f"at most {100 * limit:.0f} % failed births (the limit evaluation.max_failures), "
+        "and at least one living individual",
         "correct the measure or the operator, and start a new run; the log holds the error of "
         "each failed birth",
     )

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from evocity.section import Fault, Section
 from evocity.selection.individual import Individual
-from evocity.selection.niches import choose_by_plan
+from evocity.selection.niches import choose_by_plan, source_of
 from evocity.selection.thumbprints import distinct_first
 
 #: Individuals, for example the living of a generation.
@@ -142,8 +142,10 @@ class DistinctKeys(Section):
 
     ``per_plan``: most of the living that have one changed plan of streets; 0 for no limit.
     ``source_plans``: the share of the living that is kept for the plans of the source cities, in
-    equal parts. ``twins``: births do not enter if their heights differ from a living individual by
-    more than a storey in less than this share of the pixels.
+    equal parts. If all individuals with plans of one city break constraints, they compete as
+    parents only with each other. ``twins``: births do not enter if their heights differ from a
+    living individual by more than a storey in less than this share of the pixels. ``tournament``:
+    how many individuals are drawn for each parent, which is the best of them.
     """
 
     distinct: float = Field(0.5, ge=0, le=1)
@@ -151,17 +153,26 @@ class DistinctKeys(Section):
     per_plan: int = Field(0, ge=0, le=1_000_000)
     source_plans: float = Field(0.0, ge=0, le=1)
     twins: float = Field(0.0, ge=0, lt=1)
+    tournament: int = Field(2, ge=1, le=1_000_000)
 
 
 class Ranked(Algorithm):
     """(µ + λ) by a total order: the best live, and among them as many distinct ones as ``distinct``
     requires, if so many keep the constraints. Niches of plans have places and limits, see
-    `evocity.selection.niches`. Each parent is the better of two drawn.
+    `evocity.selection.niches`. Each parent is the best of a few drawn, by the key ``tournament``.
 
     A subclass has an ``_order``, and at most one mark, the worth of an individual within its rank.
     """
 
     Keys = DistinctKeys
+
+    @classmethod
+    def faults(cls, keys: Section, goals: int, population: int, parents: int = 2) -> list[Fault]:
+        usual = DistinctKeys.model_fields["tournament"].default
+        if keys.tournament <= max(population, usual):
+            return []
+        found = f"{keys.tournament}, of {population} individuals"
+        return [("search.tournament", found, f"{population} or less")]
 
     def survivors(self, candidates: Living, look: Look, rng: Rng) -> list[Individual]:
         candidates = sorted(candidates, key=lambda one: one.id)
@@ -175,14 +186,14 @@ class Ranked(Algorithm):
             eligible, broken = best[keep], best[~keep]
             looks = [look(candidates[i]) for i in eligible]
             best = eligible[self._distinct_first(looks, wanted)]
-            # a plan of a source city may live in children that break constraints
-            if niches and broken.size:
-                looks = [look(candidates[i]) for i in broken]
-                best = np.concatenate([best, broken[self._distinct_first(looks, wanted)]])
+            # a plan of a source city may live in individuals that break constraints
+            if niches:
+                best = np.concatenate([best, broken])
         if niches:
             ordered = [candidates[i] for i in best]
+            looks = [look(one) for one in ordered] if wanted else None
             limits = self.keys.per_plan, self.keys.source_plans
-            best = best[choose_by_plan(ordered, self.size, *limits)]
+            best = best[choose_by_plan(ordered, self.size, *limits, looks)]
         return self.judged([candidates[i] for i in best[: self.size]])
 
     def judged(self, living: Living) -> list[Individual]:
@@ -202,9 +213,14 @@ class Ranked(Algorithm):
     def parents(self, living: Living, count: int, rng: Rng) -> list[int]:
         def key(at: int) -> tuple:
             one = living[at]
-            return one.rank, *(-one.marks[mark] for mark in self.marks), one.id
+            worth = (-one.marks[mark] for mark in self.marks)
+            return one.rank, *worth, one.violation, one.id
 
-        return tournament(len(living), key, count, rng)
+        groups = None
+        if self.keys.source_plans:  # cities without keepers of the constraints breed, too
+            kept = {source_of(one) for one in living if not one.violation}
+            groups = [None if source_of(one) in kept else source_of(one) for one in living]
+        return tournament(len(living), key, count, rng, self.keys.tournament, groups)
 
     def _best_first(self, losses: np.ndarray, violations: np.ndarray, rng: Rng) -> np.ndarray:
         """Order the candidates to live; by default as `_order` does."""
@@ -225,17 +241,31 @@ def losses_and_violations(individuals: Living) -> tuple[np.ndarray, np.ndarray]:
     return losses, np.array([one.violation for one in individuals], np.float64)
 
 
-def tournament(size: int, key: Callable[[int], tuple], count: int, rng: Rng) -> list[int]:
-    """Select ``count`` of ``size`` indices, each the lesser by ``key`` of two drawn, without
-    repeats while possible."""
+def tournament(
+    size: int,
+    key: Callable[[int], tuple],
+    count: int,
+    rng: Rng,
+    drawn: int = 2,
+    groups: Sequence[object] | None = None,
+) -> list[int]:
+    """Select ``count`` of ``size`` indices, each the least by ``key`` of so many ``drawn``, without
+    repeats while possible. With ``groups``, a name for each index, all that are drawn for one
+    choice come from the group of the first."""
     chosen: list[int] = []
     used: list[int] = []  # sorted
     for _ in range(count):
         if len(used) == size:
             used = []
         left = size - len(used)
-        two = int(rng.integers(left)), int(rng.integers(left))
-        best = min((_unused(number, used) for number in two), key=key)
+        if groups is None:
+            rivals = [_unused(int(rng.integers(left)), used) for _ in range(drawn)]
+        else:
+            first = _unused(int(rng.integers(left)), used)
+            others = [at for at in range(size) if groups[at] == groups[first] and at not in used]
+            more = (others[int(rng.integers(len(others)))] for _ in range(drawn - 1))
+            rivals = [first, *more]
+        best = min(rivals, key=key)
         chosen.append(best)
         insort(used, best)
     return chosen

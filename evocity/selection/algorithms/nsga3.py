@@ -35,20 +35,22 @@ class Nsga3(Ranked):
 
     @classmethod
     def faults(cls, keys: Section, goals: int, population: int, parents: int = 2) -> list[Fault]:
+        faults = super().faults(keys, goals, population, parents)
         count = _points(goals, keys.divisions or 1)
         if count <= population:
-            return []
+            return faults
         found = f"{count} reference points for {goals} goals, and {population} individuals"
         if keys.divisions is None or goals > population:
-            return [("run.population", str(population), f"{goals} or more, one for each goal")]
-        return [("search.divisions", found, f"{_divisions(goals, population)} or less")]
+            allowed = f"{goals} or more, one for each goal"
+            return [*faults, ("run.population", str(population), allowed)]
+        return [*faults, ("search.divisions", found, f"{_divisions(goals, population)} or less")]
 
     def parents(
         self, living: Sequence[Individual], count: int, rng: np.random.Generator
     ) -> list[int]:
         places = rng.permutation(len(living)).tolist()
         keys = [(one.violation, place) for one, place in zip(living, places, strict=True)]
-        return tournament(len(keys), keys.__getitem__, count, rng)
+        return tournament(len(keys), keys.__getitem__, count, rng, self.keys.tournament)
 
     def _order(self, losses: np.ndarray, violations: np.ndarray) -> Order:
         ranks, distances = ranks_of(losses, violations), np.zeros(len(losses))

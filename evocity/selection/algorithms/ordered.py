@@ -74,7 +74,8 @@ class Single(Ranked):
 
     @classmethod
     def faults(cls, keys: Section, goals: int, population: int, parents: int = 2) -> list[Fault]:
-        return one_goal_faults(cls.name, goals)
+        faults = super().faults(keys, goals, population, parents)
+        return faults + one_goal_faults(cls.name, goals)
 
     def _order(self, losses: np.ndarray, violations: np.ndarray) -> Order:
         ranks = ranks_of(losses, violations)

@@ -27,6 +27,18 @@ def hypervolume(losses: np.ndarray, reference: np.ndarray) -> float:
     return float(moocore.hypervolume(np.ascontiguousarray(losses), ref=reference))
 
 
+def gained(losses: np.ndarray, reference: np.ndarray, point: np.ndarray) -> float:
+    """Compute how much a ``point`` (m,) adds to the hypervolume of ``(n, m)`` losses."""
+    if not (point < reference).all():
+        return 0.0
+    whole = float(np.prod(reference - point))
+    if not len(losses):
+        return whole
+    shared = np.minimum(np.maximum(losses, point), reference)
+    shared = shared[not_dominated(shared)]
+    return max(whole - hypervolume(shared, reference), 0.0)
+
+
 def contributions(losses: np.ndarray, reference: np.ndarray) -> np.ndarray:
     """Compute how much each row of one front of ``(n, m)`` losses adds to the hypervolume."""
     if losses.shape[1] == 1:  # in a front of one loss all are equal, and none is missed

@@ -153,11 +153,12 @@ export class Board {
   begin() {
     const { height, width, cell, grid, metres } = this.about;
     this.layers = new Layers({ height, width, cell });
-    const most = Math.floor(Math.min(height, width) / grid / 2);
-    const sides = [2, 3, 4, 6, 8, 12, 16, 24, 32].filter((one) => one <= most);
-    if (!sides.length) sides.push(1);
+    const most = Math.floor(Math.min(height, width) / grid);
+    const sides = [2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128].filter((one) => one < most);
+    sides.push(most);
     offer(this.side, sides.map((one) => [one, `${+(one * grid * metres).toFixed(2)} m`]));
-    this.side.value = String(sides[Math.min(sides.length - 1, Math.floor(sides.length / 2))]);
+    const usual = sides.filter((one) => one <= Math.min(most / 2, 32));
+    this.side.value = String(usual[Math.min(usual.length - 1, Math.floor(usual.length / 2))] ?? sides[0]);
     this.at = [height / 2, width / 2];
     this.use("lay");
   }
@@ -236,7 +237,7 @@ export class Board {
     const { columns, painted, blocks, locked, within } = this.layers, here = y * columns + x;
     const parts = [`${Math.round(row * metres)} m from the north edge and ${Math.round(column * metres)} m from the west edge of the map`];
     if (this.isPainted) parts.push(`λ ${+painted[here].toFixed(2)}`);
-    else parts.push(`${blocks.length} macro-blocks`);
+    else parts.push(`${blocks.length} macro-block${blocks.length === 1 ? "" : "s"}`);
     if (locked[here]) parts.push("locked");
     if (within.includes(1)) parts.push(within[here] ? "measured" : "not measured");
     if (done) parts.unshift(done);
@@ -312,7 +313,7 @@ export class Board {
     const name = this.operator.value;
     if (!this.isPainted) {
       const places = this.layers.blocks.map((corner) => corner.map((one) => one * grid * metres));
-      const values = { side_min: side, side_max: side, fill: 0.5, margin: 0, tolerance: Number(this.tolerance.value), places };
+      const values = { side_min: side, side_max: side, fill: 1, base: 1, margin: 0, tolerance: Number(this.tolerance.value), places };
       return name === "region_fusion" ? { ...values, tries: null } : values;
     }
     if (name === "lambda_field") return { side: FIELD, values: this.layers.field() };
@@ -362,7 +363,7 @@ export class Board {
   showState(error = this.fault) {
     this.fault = error;
     const operator = OPERATORS.find(([name]) => name === this.operator.value);
-    this.words.textContent = operator[2] + (this.isPainted ? "" : " These parts cover at most half of the map; for more, swap the parents.");
+    this.words.textContent = operator[2];
     this.tools.get("lay").textContent = this.isPainted ? "paint λ" : operator[1];
     for (const [tool, button] of this.tools) button.setAttribute("aria-pressed", String(tool === this.tool));
     this.sizes.hidden = this.isPainted;

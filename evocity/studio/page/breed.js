@@ -5,9 +5,6 @@ import { Export } from "./export.js";
 import { loadLock } from "./overlay.js";
 
 const SIZE = 72, SOON = 120;
-/** Operators of city fabrics that take turns where none is chosen; of others, all operators. */
-const VARIETY = ["quarter_fusion", "region_fusion", "lambda_crossover", "quarter_refill", "relocation",
-  "height_scaling", "interpolation", "mutation"];
 const ANY = "several in turn", MOST_PARENTS = 16, MOST_OPERATORS = 12;
 /** Stages of a child that has a picture. */
 const BRED = ["bred", "measured"];
@@ -111,7 +108,7 @@ export class Breed {
   /** Operators that take turns. */
   get operatorNames() {
     if (this.operator.value !== ANY) return [this.operator.value];
-    return this.suiting.filter(({ name, of }) => of !== "fabric" || VARIETY.includes(name)).map(({ name }) => name).slice(0, MOST_OPERATORS);
+    return this.suiting.filter((one) => one.turns).map(({ name }) => name).slice(0, MOST_OPERATORS);
   }
 
   choose() {
@@ -181,8 +178,8 @@ export class Breed {
     const same = children.filter((one) => one.unchanged).length;
     const bred = count("bred") + count("measured");
     const text = error || (busy && !children.length ? "starting workers …" : !children.length ? "" :
-      `Studio has bred ${bred} of ${children.length} children, and has measured ${count("measured")}` +
-      (count("failed") ? `, ${count("failed")} failed` : "") + (same ? `, ${same} equal a parent` : "") + (busy ? " …" : ".") +
+      `Studio has bred ${bred} of ${children.length} children, and has measured ${count("measured")} of them` +
+      (count("failed") ? `, ${count("failed")} failed` : "") + (same ? `, ${same} ${same > 1 ? "equal" : "equals"} a parent` : "") + (busy ? " …" : ".") +
       (count("failed") === children.length ? ` ${children[0].error}` : ""));
     announce(this.state, text);
     this.stop.hidden = !busy || !children.length;

@@ -28,12 +28,18 @@ export const pause = (milliseconds) => new Promise((resolve) => setTimeout(resol
 /** Limits of a seed: numbers that JSON holds exactly. */
 export const SEEDS = { min: "0", max: "9007199254740991", step: "1", required: "" };
 
-/** Prepare workers for `parents`; while another pane or run breeds, wait, and show so by `show`. Returns the state of
- * the brood. */
+/** Prepare workers for `parents`; while they start, and while another pane or run breeds, show so by `show`. Returns the
+ * state of the brood. */
 export async function readyWorkers(server, body, show, isShown = () => true) {
   while (isShown()) {
-    const state = await server.postJson("ready", body);
-    show(state.waits ? "Studio still breeds other children; this pane waits …" : "");
+    const timer = setTimeout(() => show("starting workers …"), 400);
+    let state = null;
+    try {
+      state = await server.postJson("ready", body);
+    } finally {
+      clearTimeout(timer);
+      show(state && state.waits ? "Studio still breeds other children; this pane waits …" : "");
+    }
     if (!state.waits) return state;
     await pause(250);
   }

@@ -119,15 +119,18 @@ export class Desk {
       this.intro.textContent = `Studio saves the run and its recipe in the folder ${state.home}.`;
       this.fields.disabled = this.calibrate.disabled = state.busy;
       const { chosen, areas } = this.cards, isReading = state.maps.some((one) => one.reading && chosen.includes(one.map));
-      this.calibrate.disabled ||= !chosen.length || !this.goals.choices.length || (isReading && Boolean(areas.lock || areas.within));
+      const lack = !chosen.length ? "To make a recipe, choose a city." : !this.goals.choices.length ? "To make a recipe, add a goal."
+        : isReading && (areas.lock || areas.within) ? "Studio reads the lock and the boundary …" : "";
+      this.calibrate.disabled ||= Boolean(lack);
       this.stop.hidden = !state.busy;
       this.name.placeholder = state.usual;
       this.side.textContent = `the map is a square with sides of ${number(this.pixels.value * this.metres.value)} m`;
       this.cards.show(state);
       this.showBoundary(state.maps);
-      const progress = state.fault ? faultText(state.fault) : state.busy ? `${state.said.at(-1) || "starting"} …` : state.found ? "The recipe is ready." : state.said.at(-1) || "";
+      const progress = state.fault ? faultText(state.fault) : state.busy ? `${state.said.at(-1) || "starting"} …` : state.found ? "The recipe is ready." : lack || state.said.at(-1) || "";
       if (this.state.textContent !== progress) this.state.textContent = progress;
       this.state.classList.toggle("evocity-lack", Boolean(state.fault));
+      this.goals.showNotes(state.found ? state.found.notes : []);
       this.showResult(state.found);
       this.showGiven(state.given);
       this.starts.show(state.started);

@@ -5,8 +5,8 @@ import { Fault, faultText, uploadFile } from "./server.js";
 
 /** Metres, and letters of an attribution. */
 const LENGTH = { min: 0.000001, max: 1000000 }, LONGEST = 1000;
-/** The sources of the heights of buildings, by rule. */
-const RULES = { height: "in the file", levels: "from storeys", default: "missing" };
+/** The sources of the heights of buildings, by rule; height of those without one, m. */
+const RULES = { height: "in the file", levels: "from storeys" }, DEFAULT_HEIGHT = 6;
 /** Options of reading: key, text, limits of a number; without limits it is a text. `takes`: only readers that take it. */
 const OPTIONS = [
   ["default_height", "default height, m", LENGTH, false], ["layer", "layer that contains the buildings"], ["height_column", "column of heights, m"],
@@ -15,6 +15,9 @@ const OPTIONS = [
 ];
 
 export const numberIn = ({ value }) => (value.trim() === "" ? null : Number(value));
+
+/** A text in one line. */
+const lineIn = ({ value }) => value.trim().replace(/\s+/g, " ");
 
 /** The cards of all maps, with the maps to move windows on, and uploads. `on`: window(); resize(about), to the window of a
  * kept child; changed(use), which sends all choices; look(); drop(map); longest(). */
@@ -56,7 +59,7 @@ export class Cards {
       card.image.hidden = !one.about;
       card.about = one.about;
       const fault = one.fault && faultText(one.fault);
-      card.text.textContent = one.reading ? "reading …" : fault || aboutOf(one.about);
+      card.text.textContent = one.reading ? "reading …" : fault || aboutOf(one.about, (card.default_height && numberIn(card.default_height)) || DEFAULT_HEIGHT);
       card.text.classList.toggle("evocity-lack", Boolean(one.fault) && !one.reading);
       if (card.attribution) card.attribution.placeholder = (one.about && one.about.attribution) || "the file states no attribution";
       else card.credit.textContent = one.about ? one.about.attribution : "";
@@ -88,7 +91,9 @@ export class Cards {
     card.map.show(one, card.map.set);
     for (const [use, line] of card.areas) {
       const area = this.areas[use], here = area && area.map === map, read = one.about && one.about.areas && one.about.areas[use];
-      card.map.buttons.get(use).disabled = Boolean(area && (!here || area.file !== null));
+      const draw = card.map.buttons.get(use);
+      draw.disabled = Boolean(area && (!here || area.file !== null));
+      draw.title = !draw.disabled ? "" : here ? `The ${line.name} comes from a file. Remove it to draw one.` : `The ${line.name} lies on another map. Remove it there to draw one here.`;
       line.remove.hidden = line.undo.hidden = !here;
       line.undo.hidden ||= area.shapes.length < 2;
       line.label.hidden = Boolean(area);
@@ -165,15 +170,15 @@ export class Cards {
     const credit = own && element(item, "div", "credit");
     card.more = element(item, "details");
     element(card.more, "summary", "", "options for reading");
-    const option = (name, text, limits, parent = card.more) => (card[name] = field(parent, text, limits ? "number" : "text", options[name] ?? "", limits && { step: "any", ...limits }));
+    const option = (name, text, limits) => (card[name] = field(card.more, text, limits ? "number" : "text", options[name] ?? "", limits && { step: "any", ...limits }));
     if (own) {
-      const input = option("attribution", "attribution that the licence asks for", null, credit);
-      input.addEventListener("input", () => input.setCustomValidity(input.value.trim().length > LONGEST ? `The attribution has ${countText(input.value.trim().length)} letters. Shorten it to ${countText(LONGEST)}.` : ""));
+      const input = card.attribution = element(element(credit, "label", "", "attribution that the licence asks for"), "textarea", "", options.attribution ?? "", { rows: 3 });
+      input.addEventListener("input", () => input.setCustomValidity(lineIn(input).length > LONGEST ? `The attribution has ${countText(lineIn(input).length)} letters. Shorten it to ${countText(LONGEST)}.` : ""));
     }
     for (const [name, text, limits, isSpecial = true] of OPTIONS) {
       if (isSpecial && !takes.includes(name)) continue;
       const input = option(name, text, limits);
-      if (name === "default_height") input.placeholder = 6;
+      if (name === "default_height") input.placeholder = DEFAULT_HEIGHT;
       if (!limits) input.maxLength = 100;
     }
     if (takes.includes("terrain")) card.terrain_map = choice(card.more, "raster of the ground", []);
@@ -196,7 +201,7 @@ export class Cards {
       if (!card || card.child) return choice;
       if (card.map ? card.map.set : (this.placed.get(map) || {}).at) choice.at = card.map ? card.map.set : this.placed.get(map).at;
       for (const [name, , limits] of [...OPTIONS, ["attribution"]]) {
-        const value = card[name] && (limits ? numberIn(card[name]) : card[name].value.trim());
+        const value = card[name] && (limits ? numberIn(card[name]) : name === "attribution" ? lineIn(card[name]) : card[name].value.trim());
         if (value || value === 0) choice[name] = value;
       }
       if (card.terrain_map && card.terrain_map.value) choice.terrain_map = Number(card.terrain_map.value);
@@ -236,12 +241,12 @@ export class Cards {
   }
 }
 
-/** The facts of a map in a line. */
-function aboutOf(about) {
+/** The facts of a map in a line; `missing`: the height of buildings without one, m. */
+function aboutOf(about, missing) {
   if (!about) return "";
   const [wide, tall] = about.metres, rules = Object.entries(about.rules);
   const count = rules.reduce((sum, [, of]) => sum + of, 0);
-  const heights = rules.map(([rule, of]) => `${countText(of)} ${RULES[rule] || `from ${rule}`}`).join(", ");
+  const heights = rules.map(([rule, of]) => `${countText(of)} ${rule === "default" ? `missing, taken as ${number(missing)} m` : RULES[rule] || `from ${rule}`}`).join(", ");
   const source = about.pixels ? `; a kept child of ${about.pixels} px${about.locked ? `, which locks ${+(100 * about.locked).toFixed(1)} % of the window` : ""}.`
     : count ? `; ${countText(count)} buildings, heights: ${heights}.` : "; a raster of heights.";
   return `${number(wide)} × ${number(tall)} m, ${Math.round(100 * about.built)} % built, buildings up to ${number(about.highest)} m high${source}`;

@@ -15,7 +15,19 @@ export class Goals {
     const more = element(parent, "div", "row");
     this.other = choice(more, "another measure", [], (event) => { event.stopPropagation(); this.explain(); });
     button(more, "add", () => this.add(this.other.value));
+    this.none = button(more, "drop all goals", () => this.take([]));
+    this.usual = button(more, "take the default goals", () => this.take(this.usualGoals));
     this.words = element(parent, "p", "faint");
+  }
+
+  /** The goals of a new desk. */
+  get usualGoals() { return this.measures.filter(({ usual }) => usual).map(({ name, usual }) => ({ measure: name, want: usual })); }
+
+  /** Take other goals in the place of all. */
+  take(choices) {
+    this.load(choices);
+    this.on.changed();
+    this.other.focus();
   }
 
   /** Offer the `measures`. */
@@ -31,6 +43,7 @@ export class Goals {
     this.bound(this.site, false);
     const others = this.measures.filter(({ name }) => !this.rows.has(name));
     offer(this.other, others.map(({ name }) => [name, titleOf(name)]));
+    [this.none.hidden, this.usual.hidden] = [choices.length < 2, choices.length > 0];
     this.explain();
   }
 
@@ -65,7 +78,18 @@ export class Goals {
       this.other.focus();
     });
     element(item, "span", "faint", `${text}${unit ? ` Unit: ${unit}.` : ""}`);
+    row.note = element(item, "p", "lack", "", { role: "status" });
+    row.note.hidden = true;
     return row;
+  }
+
+  /** Show the notes of a recipe on a measure at its goal. */
+  showNotes(notes) {
+    for (const [measure, { note }] of this.rows) {
+      const text = notes.filter((one) => one.startsWith(`${measure}: `)).map((one) => one.slice(measure.length + 2)).join(" ");
+      if (note.textContent !== text) note.textContent = text;
+      note.hidden = !text;
+    }
   }
 
   add(measure) {

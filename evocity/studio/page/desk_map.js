@@ -123,7 +123,7 @@ export class WindowMap {
     const beyond = this.outlines.extent.map((edge, k) => (k < 2 ? edge - this.box[k] : this.box[k] - edge));
     const out = SIDES.map((side, k) => [beyond[k], side]).filter(([by]) => by >= 1).map(([by, side]) => `${number(Math.round(by))} m in the ${side}`);
     if (out.length) texts.push(`The window leaves the file by ${out.join(", ")}`);
-    this.say(`${texts.join(". ")}.`);
+    this.say(`${[...this.notice, ...texts].join(". ")}.`);
   }
 
   say(text) {
@@ -133,7 +133,7 @@ export class WindowMap {
   // -- drawing -------------------------------------------------------------------------------
 
   use(tool) {
-    [this.tool, this.points, this.spot] = [tool, [], null];
+    [this.tool, this.points, this.spot, this.notice] = [tool, [], null, []];
     for (const [name, one] of this.buttons) one.setAttribute("aria-pressed", String(name === tool));
     this.shape.parentNode.hidden = tool === "window";
     this.hint.textContent = tool === "window"
@@ -158,7 +158,10 @@ export class WindowMap {
     this.points = [];
     this.redraw();
     if (points.length > 2) this.on.drew(this.tool, points);
-    else this.say("A shape needs three corners at least.");
+    else {
+      this.notice = ["A shape needs at least three corners"];
+      this.tell();
+    }
   }
 
   /** The ring of points: two corners make a rectangle; the second click of a double-click adds no corner. */
@@ -181,7 +184,7 @@ export class WindowMap {
       canvas.setPointerCapture(event.pointerId);
       const place = this.toMap(event);
       this.isHeld = true;
-      this.spot = null;
+      [this.spot, this.notice] = [null, []];
       if (this.tool === "window") {
         const isIn = place.every((one, axis) => one >= this.box[axis] && one <= this.box[axis + 2]);
         hold = isIn ? place.map((one, axis) => one - this.at[axis]) : [0, 0];
@@ -210,6 +213,7 @@ export class WindowMap {
 
   press(event) {
     if (!this.outlines) return;
+    this.notice = [];
     const way = WAYS[event.key], { pixels, metres } = this.on.window();
     if (event.key === "+" || event.key === "-") this.zoomBy(event.key === "+" ? 1.6 : 1 / 1.6);
     else if (this.tool === "window") {

@@ -58,7 +58,8 @@ export class LiveMap {
 /** The colours of a city's heights. */
 export function imageOf({ heights, rows, columns, highest }) {
   const colours = ramp(heights, highest), image = new ImageData(columns, rows);
-  image.data.fill(255);
-  for (let k = 0; k < heights.length; k++) image.data.set(colours.subarray(3 * k, 3 * k + 3), 4 * k);
+  const { data } = image;
+  data.fill(255);
+  for (let from = 0, to = 0; from < colours.length; to++) for (let c = 0; c < 3; c++) data[to++] = colours[from++];
   return image;
 }

@@ -5,8 +5,10 @@ import { apply, boxOf, figureOf, lineOf, mapsOf, mixedColour, partOf, piecesOf }
 
 /** Pieces of one level, at most; points of a curve. */
 export const MOST_PIECES = 6000, CURVE_POINTS = 4096;
-/** Milliseconds of one picture for the attractor, and for its preview; seconds after which a preview is enough. */
-const SLICE = 14, PREVIEW = 8, PATIENCE = 6;
+/** Milliseconds of one picture for the attractor, and for its preview at least and at most; seconds after which a preview is enough. */
+const SLICE = 14, LEAST = 2, PREVIEW = 8, PATIENCE = 6;
+/** Milliseconds between two pictures of a drag: previews become coarser above this, and finer well below. */
+const LATE = 28;
 const INK = "rgb(31 41 51)";
 
 /** The greatest level with at most `most` pieces. */
@@ -72,6 +74,7 @@ export class Picture {
     this.raster = new Raster(side);
     this.isDone = true;
     this.isSlow = false;
+    this.budget = PREVIEW;
   }
 
   /** Draw a good shape at a level, null for the attractor. An attractor may need `go` afterwards. */
@@ -82,12 +85,15 @@ export class Picture {
     else if (level !== null) drawPieces(this.context, this.side, view, shape, maps, Math.min(level, deepest(maps.length)), paint);
     else {
       this.raster.begin(maps, view, paint);
+      const between = performance.now() - (this.since || 0);
       this.since = performance.now();
+      if (between > LATE && between < 1000) this.budget = Math.max(LEAST, this.budget / 2);
+      else if (between < LATE * 0.7) this.budget = Math.min(PREVIEW, this.budget + 1);
       if (!isDragging) this.isSlow = false;
       this.isDone = false;
       if (!this.isSlow && this.go()) return;
       this.isSlow = true; // while this drag goes on
-      this.raster.preview(PREVIEW);
+      this.raster.preview(this.budget);
       this.context.putImageData(this.raster.quick.image, 0, 0);
     }
   }

@@ -18,11 +18,12 @@ const wordOf = ([red, green, blue]) => (0xff000000 | (blue << 16) | (green << 8)
 export class Raster {
   constructor(side) {
     this.side = side;
-    this.image = new ImageData(side, side);
-    this.words = new Uint32Array(this.image.data.buffer);
-    this.weights = new Float64Array(side * side);
-    this.quick = { image: new ImageData(side, side), weights: new Float64Array(side * side) };
-    this.quick.words = new Uint32Array(this.quick.image.data.buffer);
+    for (const one of [this, this.quick = {}]) {
+      one.image = new ImageData(side, side);
+      one.words = new Uint32Array(one.image.data.buffer);
+      one.weights = new Float32Array(side * side);
+      one.bits = new Uint32Array(one.weights.buffer);
+    }
     this.tops = new Uint16Array(side * side);
     this.products = new Float64Array(6 * (DEEPEST + 1));
     this.letters = new Int32Array(DEEPEST + 1);
@@ -36,7 +37,7 @@ export class Raster {
     Object.assign(this, { maps, view, paint, level: 0, arrived: true, count: 0, isNew: true });
     this.chances = sharesOf(maps);
     this.products.set(view);
-    this.measures[0] = 1;
+    this.measures[0] = 2 ** 96; // products of small shares stay above the least float
     this.colours.fill(0, 0, 3);
     const mix = paint.mode === "mixture" ? paint.mix : 0;
     let share = 1;
@@ -161,13 +162,14 @@ export class Raster {
     if (isMeasure) this.ramp(this.quick);
   }
 
-  /** Colour each pixel by its weight, on a scale of logarithms over a factor of 1000. */
-  ramp({ weights, words }) {
+  /** Colour each pixel by its weight, on a scale of logarithms over a factor of 1000. The upper bits of a float, its
+   * exponent and seven bits of its fraction, name the logarithm in a table: within a third of a step. */
+  ramp({ bits, words }) {
     let most = 0;
-    for (let pixel = 0; pixel < weights.length; pixel += 1) if (weights[pixel] > most) most = weights[pixel];
-    const scale = STEPS / 3 / Math.LN10, least = STEPS - Math.log(most) * scale;
-    for (let pixel = 0; pixel < weights.length; pixel += 1) {
-      if (weights[pixel]) words[pixel] = SHADES[Math.max(0, Math.round(least + Math.log(weights[pixel]) * scale))];
+    for (let pixel = 0; pixel < bits.length; pixel += 1) if (bits[pixel] > most) most = bits[pixel]; // as the floats are ordered
+    const top = LOGARITHMS[most >>> 16];
+    for (let pixel = 0; pixel < bits.length; pixel += 1) {
+      if (bits[pixel]) words[pixel] = SHADES[Math.max(0, STEPS + LOGARITHMS[bits[pixel] >>> 16] - top)];
     }
   }
 }
@@ -176,4 +178,10 @@ export class Raster {
 const STEPS = 300, SHADES = Uint32Array.from({ length: STEPS + 1 }, (_, step) => {
   const at = step / STEPS * (RAMP.length - 1), k = Math.min(RAMP.length - 2, Math.floor(at));
   return wordOf(RAMP[k].map((value, one) => Math.round(value + (at - k) * (RAMP[k + 1][one] - value))));
+});
+
+/** The logarithm of a positive float in steps of the ramp, by the upper 16 bits of the float. */
+const LOGARITHMS = Int32Array.from({ length: 1 << 15 }, (_, upper) => {
+  const exponent = upper >>> 7, fraction = (upper & 127) + 0.5;
+  return Math.round((exponent - 127 + Math.log2(1 + fraction / 128)) * Math.LN2 / Math.LN10 * STEPS / 3);
 });

@@ -6,7 +6,7 @@ import { Switches } from "./switches.js";
 /** Pictures of a birth: the name for the server, the button, and words. */
 const PICTURES = [["map", "map", "map of heights, north up"], ["stones", "ancestry", "map coloured by source city"]];
 /** Maps of the calls to its own parts. */
-const COUNTS = [["ranges", "calls of blocks", "how many lifs copy the domain block of each range block"],
+const COUNTS = [["ranges", "calls of blocks", "for each range block, how many lifs copy its domain block"],
   ["pixels", "calls of pixels", "how many lifs copy each pixel"]];
 /** Views in three dimensions, which the page draws itself. */
 const SPACES = [["columns", "3D"], ["walk", "walk"]];

@@ -3,9 +3,9 @@ import { countText, element } from "./elements.js";
 import { Tiles } from "./tiles.js";
 import { Viewer } from "./viewer.js";
 import { checkState, pythonOf } from "./address.js";
-import { Board } from "./board.js";
 import { Breed } from "./breed.js";
 import { RunControl } from "./control.js";
+import { attempt } from "./controls.js";
 import { BirthPane } from "./birth.js";
 import { Picks } from "./picks.js";
 import { serverOfRun } from "./server.js";
@@ -46,20 +46,29 @@ export class Run {
     this.breed = new Breed(this.tabs.panes.breed, this.server, {
       ids: () => (this.picks ? this.picks.ids : []), births: () => this.viewer.births, trouble: hear.trouble,
     });
-    this.board = new Board(this.tabs.panes.draw, this.stage, this.server, {
-      ids: () => (this.picks ? this.picks.ids : []), births: () => this.viewer.births,
-      highest: () => this.birth.pictures.highest, trouble: hear.trouble,
-    });
+    this.board = null; // until the tab "draw" is open for the first time
     this.picks = new Picks(this.tabs.panes.picks, this.server, this.small, hear);
     this.tabs.onShow = (name) => {
       this.stage.hidden = name !== "draw";
       this.births.hidden = name === "draw";
       if (name === "breed" && this.about) this.breed.open();
-      if (name === "draw" && this.about) this.board.open();
+      if (name === "draw") this.draw(hear.trouble);
     };
     for (const part of [this.main, this.side]) part.addEventListener("keydown", (event) => this.press(event));
     for (const name of ["pointerdown", "focusin"]) this.main.addEventListener(name, () => on.turn(), true);
     this.look();
+  }
+
+  /** Open the drawing board, whose modules load at its first use. */
+  async draw(trouble) {
+    await attempt(trouble, async () => {
+      const { Board } = await import("./board.js");
+      this.board ||= new Board(this.tabs.panes.draw, this.stage, this.server, {
+        ids: () => (this.picks ? this.picks.ids : []), births: () => this.viewer.births,
+        highest: () => this.birth.pictures.highest, trouble,
+      });
+      if (!this.stage.hidden && this.about) await this.board.open();
+    });
   }
 
   sheet(ids, side) { return this.server.getTiles("tiles", { ids, side }); }
@@ -179,7 +188,7 @@ export class Run {
     this.birth.markPicks(ids);
     if (this.picks) {
       this.breed.inform();
-      this.board.inform();
+      this.board?.inform();
     }
     if (!this.viewer) return;
     this.viewer.gallery.marked = new Set(ids);

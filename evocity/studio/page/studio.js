@@ -1,5 +1,4 @@
 import { readAddress, writeAddress } from "./address.js";
-import { Desk } from "./desk.js";
 import { choice, offer } from "./elements.js";
 import { Run } from "./run.js";
 import { getJson } from "./server.js";
@@ -8,6 +7,12 @@ import { getJson } from "./server.js";
 const VISIBLE = 5000, HIDDEN = 30000;
 /** The addresses of the desk and of the modeller. */
 const DESK = "#desk", MODELLER = "#modeller";
+/** The class of each; its modules load at its first use, and it is UNLOADED before. */
+const CLASSES = {
+  desk: async () => (await import("./desk.js")).Desk,
+  modeller: async () => (await import("./modeller.js")).Modeller,
+};
+const UNLOADED = { isShown: false, async show() {} };
 
 /** The page: one run, or two side by side; at the right, details of the run that was used last. */
 class Studio {
@@ -22,7 +27,7 @@ class Studio {
     this.chooser = document.getElementById("runs");
     this.choosers = ["run", "second run"].map((text) => choice(this.chooser, text, [], () => this.choose()));
     this.pressed = new Set();
-    [this.isModelling, this.modeller] = [false, null];
+    this.desk = this.modeller = UNLOADED;
     for (const name of ["pointerdown", "pointerup", "pointercancel"]) {
       window.addEventListener(name, ({ pointerId }) => {
         if (name === "pointerdown") this.pressed.add(pointerId);
@@ -31,11 +36,7 @@ class Studio {
     }
     this.shown = document.getElementById("shown");
     this.deskButton = document.getElementById("new");
-    this.deskButton.addEventListener("click", () => { location.hash = this.desk.isShown ? "" : DESK; });
-    this.desk = new Desk(document.getElementById("desk"), {
-      trouble: (error, of) => this.report(error, of),
-      show: (run) => this.showRun(run),
-    });
+    this.deskButton.addEventListener("click", () => { location.hash = this.isAt("desk") ? "" : DESK; });
     document.getElementById("shapes").addEventListener("click", () => { location.hash = MODELLER; });
     window.addEventListener("hashchange", () => this.go());
     document.addEventListener("visibilitychange", () => {
@@ -70,7 +71,7 @@ class Studio {
     try {
       const { runs, more } = await getJson("runs");
       this.list(runs, more);
-      if (!this.runs.length && !this.desk.isShown && !this.isModelling) this.go();
+      if (!this.runs.length && !this.isAt("desk") && !this.isAt("modeller")) this.go();
       if (!runs.length) this.news.textContent = "no runs yet";
       this.report(null, "runs");
     } catch (error) {
@@ -83,8 +84,8 @@ class Studio {
   /** Show the contents of the address: runs, or the desk, also without any run. */
   go() {
     const isModeller = location.hash === MODELLER, isDesk = !isModeller && (location.hash === DESK || !this.listed.length);
-    if (isModeller !== this.isModelling) this.showModeller(isModeller);
-    if (isDesk !== this.desk.isShown) this.desk.show(isDesk);
+    if (isModeller !== this.isAt("modeller")) this.showPart("modeller", isModeller);
+    if (isDesk !== this.isAt("desk")) this.showPart("desk", isDesk);
     this.shown.hidden = isDesk || isModeller;
     this.nameDeskButton();
     if (!isModeller) this.report(null, "modeller");
@@ -95,26 +96,29 @@ class Studio {
     if (!isDesk) for (const of of ["desk", "desk news"]) this.report(null, of);
   }
 
-  /** Show or hide the modeller, whose modules load at its first use. */
-  async showModeller(isShown) {
-    this.isModelling = isShown;
+  /** Whether the page shows the desk or the modeller. */
+  isAt(name) { return !document.getElementById(name).hidden; }
+
+  /** Show or hide the desk or the modeller. */
+  async showPart(name, isShown) {
+    const root = document.getElementById(name);
+    root.hidden = !isShown;
     try {
-      const module = isShown || this.modeller ? await import("./modeller.js") : null;
-      if (module) {
-        this.modeller ||= new module.Modeller(document.getElementById("modeller"), {
-          trouble: (error, of) => this.report(error, of),
-          show: (run) => this.showRun(run),
-        });
-        await this.modeller.show(this.isModelling);
+      if (isShown && this[name] === UNLOADED) {
+        const Part = await CLASSES[name]();
+        if (this[name] === UNLOADED) {
+          this[name] = new Part(root, { trouble: (error, of) => this.report(error, of), show: (run) => this.showRun(run) });
+        }
       }
+      await this[name].show(this.isAt(name));
     } catch (error) {
-      this.report(error, "modeller");
+      this.report(error, name);
     }
   }
 
   nameDeskButton() {
-    this.deskButton.textContent = this.desk.isShown ? "back to the runs" : "new run";
-    this.deskButton.hidden = this.desk.isShown && !this.listed.length;
+    this.deskButton.textContent = this.isAt("desk") ? "back to the runs" : "new run";
+    this.deskButton.hidden = this.isAt("desk") && !this.listed.length;
   }
 
   /** Show a run in place of the desk. */
@@ -147,8 +151,8 @@ class Studio {
 
   /** Show the runs that are chosen in the head of the page. */
   choose() {
-    if (this.desk.isShown) history.pushState(null, "", "/#");
-    this.desk.show(false);
+    if (this.shown.hidden) history.pushState(null, "", "/#");
+    for (const name in CLASSES) this.showPart(name, false);
     this.shown.hidden = false;
     this.nameDeskButton();
     const [first, second] = this.choosers.map((one) => one.value);
@@ -201,7 +205,7 @@ class Studio {
 
   /** Write the state of the page into its address. */
   save() {
-    if (!this.desk.isShown && this.runs.every((one) => one.state)) writeAddress(this.runs.map((one) => one.held));
+    if (!this.shown.hidden && this.runs.every((one) => one.state)) writeAddress(this.runs.map((one) => one.held));
   }
 
   /** Show the news of the runs in the head. */
@@ -217,7 +221,7 @@ class Studio {
     const text = texts.map(([title, news]) => (texts.length > 1 && title ? `${title}: ${news}` : news)).join(" | ");
     if (this.runs.length && this.news.textContent !== text) this.news.textContent = text;
     const about = this.run && this.run.about;
-    if (about && !this.desk.isShown) document.title = `${about.title} – evocity studio`;
+    if (about && !this.shown.hidden) document.title = `${about.title} – evocity studio`;
   }
 
   /** Look for news now. */

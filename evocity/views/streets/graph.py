@@ -15,7 +15,7 @@ from evocity.views.ground.space import nearest_built
 from evocity.views.limit_tables import read_only
 from evocity.views.streets._kernels import middles, smoothed, straight_on, thickness
 from evocity.views.streets.facades.widths import measure_facades
-from evocity.views.streets.kinds import StreetKinds, packaged
+from evocity.views.streets.kinds import DensityAt, StreetKinds, packaged
 from evocity.views.streets.lines import (
     Lines,
     along_hubs,
@@ -50,7 +50,8 @@ _STRAIGHT, _SEEN = np.cos(np.pi / 4), 8
 
 @dataclass(frozen=True, eq=False)
 class StreetGraph:
-    """Streets as a graph, with places and quarters. Arrays are read-only.
+    """Streets as a graph, with places and quarters. Arrays are read-only. The first access to
+    widths from façade to façade, kinds, places or quarters computes them.
 
     nodes : float64 ``(n, 2)``, x and y of crossings, ends, and exits from the map. degree : int32
     ``(n,)``, number of ends of edges at each node. at_frame : bool ``(n,)``, whether streets leave
@@ -79,23 +80,89 @@ class StreetGraph:
     edges: "tuple[shapely.LineString, ...]"
     ends: np.ndarray
     length: np.ndarray
-    width: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    measured: np.ndarray
     clear: np.ndarray
     least: np.ndarray
     street: np.ndarray
-    kind: np.ndarray
     leaves: np.ndarray
-    place: np.ndarray
-    places: Places
-    quarters: np.ndarray
     lines: np.ndarray
     _input: "_Input" = field(repr=False)
 
     def __len__(self) -> int:
         return len(self.edges)
+
+    @property
+    def width(self) -> np.ndarray:
+        """Median width from façade to façade, metres, float64 ``(m,)``."""
+        return self._widths[0]
+
+    @property
+    def low(self) -> np.ndarray:
+        """Least width from façade to façade, metres, float64 ``(m,)``."""
+        return self._widths[1]
+
+    @property
+    def high(self) -> np.ndarray:
+        """Greatest width from façade to façade, metres, float64 ``(m,)``."""
+        return self._widths[2]
+
+    @property
+    def measured(self) -> np.ndarray:
+        """Number of places of each edge that have façades on both sides, int32 ``(m,)``."""
+        return self._widths[3]
+
+    @cached_property
+    def _widths(self) -> tuple[np.ndarray, ...]:
+        made, lines = self._input, self._input.lines
+        across = measure_facades(
+            made.points,
+            lines.starts,
+            lines.path,
+            _walls(made),
+            made.ground.across.ravel()[lines.path],
+            along_hubs(lines, made.ground),
+            lines.out[np.stack([lines.first, lines.last], 1)],
+            made.pixel,
+        )
+        measured = (across.median, across.low, across.high)
+        widths = [np.where(across.places, own, self.clear) for own in measured]
+        return tuple(map(read_only, (*widths, across.places)))
+
+    @property
+    def places(self) -> Places:
+        """Places: squares, and other ground as wide and compact."""
+        return self._placed[0]
+
+    @cached_property
+    def _placed(self) -> tuple[Places, np.ndarray]:
+        made = self._input
+        return make_places(made.ground, made.middles, made.table, made.pixel, made.corner)
+
+    @cached_property
+    def place(self) -> np.ndarray:
+        """The place with most of each edge, int32 ``(m,)``, −1 for none."""
+        lines = self._input.lines
+        count = len(lines.first)
+        edge = np.repeat(np.arange(count), np.diff(lines.starts))
+        where = np.pad(self._placed[1], 1, constant_values=-1).ravel()
+        return read_only(_majority(edge, where[lines.path], count))
+
+    @cached_property
+    def kind(self) -> np.ndarray:
+        """The kind of street of each edge, str ``(m,)``."""
+        made, street = self._input, self.street
+        lengths = np.bincount(street, self.length)[street]
+        kind = made.table.named(self.width, lengths, made.densities)
+        kind = kind.astype(np.result_type(kind.dtype, "U5"))  # "place" and "water" have room
+        kind[self.place >= 0] = "place"
+        if made.water is not None:
+            water = np.pad(made.water, 1).astype(np.float32)
+            kind[edge_values(made.lines, water)[0] > 0.5] = "water"
+        return read_only(kind)
+
+    @cached_property
+    def quarters(self) -> np.ndarray:
+        """The group of buildings between streets of each building, int32 ``(buildings,)``."""
+        return read_only(_quarters(self._input.building_labels, self.lines))
 
     @cached_property
     def components(self) -> int:
@@ -166,15 +233,26 @@ class StreetGraph:
 
 @dataclass(frozen=True, eq=False)
 class _Input:
-    """The input of a graph, kept for its lazy properties."""
+    """The input of a graph, kept for its lazy properties.
+
+    middles : bool, the middles of the ground around which places are. points : float64 ``(k, 2)``,
+    row and column of the points of all edges, px of the bordered ground. densities : GSI and FSI
+    around each edge, float64 ``(m,)`` each; None if no kind depends on them.
+    """
 
     ground: Ground
     lines: Lines
+    middles: np.ndarray
+    table: StreetKinds
     pixel: float
     corner: tuple[float, float]
     open_ground: np.ndarray
+    building_labels: np.ndarray
     site: np.ndarray | None
     closed: bool
+    water: np.ndarray | None
+    points: np.ndarray
+    densities: tuple[np.ndarray, np.ndarray] | None = None
 
     def raw(self) -> Ground:
         if not self.ground.middles.any():
@@ -196,6 +274,7 @@ def street_graph(
     courts: bool = False,
     kinds: StreetKinds | str | os.PathLike | None = None,
     water: np.ndarray | None = None,
+    density: DensityAt | None = None,
 ) -> StreetGraph:
     """Compute the street graph of open ground.
 
@@ -216,6 +295,8 @@ def street_graph(
     courts : whether lines stay that have no way to the frame, by lines or over places.
     kinds : a `StreetKinds`, or the path of its TOML file; None for the table of this package.
     water : bool ``(H, W)``, open ground that is water; None for a map without any.
+    density : computes GSI and FSI around places, as `CityMap.local_density_at`; needed for a table
+    whose kinds depend on them.
 
     Raises `MapError` for a parameter that is not such a number or mask, or for a wrong table.
 
@@ -238,19 +319,15 @@ def street_graph(
     ground = skeleton(open_ground, site, closed, middle, least_width / pixel)
     lines = select_streets(build_lines(ground), ground, least_width / pixel, spurs, courts)
     seen = connected_to_frame(lines, ground)[1] | courts
-    squares, where = make_places(ground, seen & (ground.hubs[1:] != 1), table, pixel, corner)
-    made = _Input(ground, lines, pixel, corner, open_ground, site, closed)
-    return _build(made, table, building_labels, squares, where, water)
+    middles = seen & (ground.hubs[1:] != 1)
+    made = _Input(
+        ground, lines, middles, table, pixel, corner, open_ground, building_labels, site, closed,
+        water, np.empty((0, 2)),
+    )  # fmt: skip
+    return _build(made, density)
 
 
-def _build(
-    made: _Input,
-    table: StreetKinds,
-    building_labels: np.ndarray,
-    places: Places,
-    where: np.ndarray,
-    water: np.ndarray | None,
-) -> StreetGraph:
+def _build(made: _Input, density: DensityAt | None) -> StreetGraph:
     import shapely
 
     ground, lines, pixel = made.ground, made.lines, made.pixel
@@ -264,27 +341,17 @@ def _build(
     ends = np.stack([nodes[lines.first], nodes[lines.last]], axis=1)
     smoothed(lines.starts, lines.path, ground.squares, ends, _ROUNDS, points)
     edge = np.repeat(np.arange(count), np.diff(lines.starts))
-    place = _majority(edge, np.pad(where, 1, constant_values=-1).ravel()[lines.path], count)
     clear, least = (values * pixel for values in edge_values(lines, ground.across))
-    near = ground.across.ravel()[lines.path]
-    square, frame = along_hubs(lines, ground), lines.out[np.stack([lines.first, lines.last], 1)]
-    across = measure_facades(
-        points, lines.starts, lines.path, _walls(made), near, square, frame, pixel
+    nodes, placed = (_to_metres(pairs, made) for pairs in (nodes, points))
+    edges = shapely.linestrings(placed, indices=edge)
+    frame = made.corner, made.open_ground.shape, pixel
+    made = dataclasses.replace(
+        made, points=points, densities=made.table.densities(edges, density, *frame)
     )
-    width, low, high = (
-        np.where(across.places, own, clear) for own in (across.median, across.low, across.high)
-    )
-    nodes, points = (_to_metres(pairs, made) for pairs in (nodes, points))
-    edges = shapely.linestrings(points, indices=edge)
     length = shapely.length(edges)
     street = np.empty(count, np.int64)
     straight_on(lines.first, lines.last, _headings(points, lines.starts), _STRAIGHT, street)
     street = np.unique(street, return_inverse=True)[1]
-    kind = table.named(width, np.bincount(street, length)[street])
-    kind = kind.astype(np.result_type(kind.dtype, "U5"))  # "place" and "water" have room
-    kind[place >= 0] = "place"
-    if water is not None:
-        kind[edge_values(lines, np.pad(water, 1).astype(np.float32))[0] > 0.5] = "water"
     drawn = np.zeros(ground.open.shape, bool)
     drawn.ravel()[lines.path] = drawn.ravel()[lines.nodes] = True
     drawn = np.ascontiguousarray(drawn[1:-1, 1:-1])
@@ -295,21 +362,14 @@ def _build(
         "at_frame": lines.out,
         "ends": ends,
         "length": length,
-        "width": width,
-        "low": low,
-        "high": high,
-        "measured": across.places,
         "clear": clear,
         "least": least,
         "street": street.astype(np.int32),
-        "kind": kind,
         "leaves": lines.out[lines.first] | lines.out[lines.last],
-        "place": place,
-        "quarters": _quarters(building_labels, drawn),
         "lines": drawn,
     }
     arrays = {name: read_only(array) for name, array in arrays.items()}
-    return StreetGraph(edges=tuple(edges), places=places, _input=made, **arrays)
+    return StreetGraph(edges=tuple(edges), _input=made, **arrays)
 
 
 def _walls(made: _Input) -> np.ndarray:

@@ -140,3 +140,53 @@ def rank(which, y, x, shrunk, step, block, blocks, sources, cap, gains, slopes, 
         levels[n] = exact_gains(
             shrunk, step, y[n], x[n], block, images, cap, domain, gains[n], slopes[n]
         )
+
+
+@kernel
+def conclude(
+    records, places, count, energy, tie, shrunk, step, block, blocks, sources, cap, means, of,
+    turns, sign, lowest, composition, inverse, multiple, tops, lefts, isos, sigma, beta, gain,
+):  # fmt: skip
+    """Conclude a search in a single pool, for shapes and the blocks that they stand for.
+
+    records, places, count, energy : as of `Search`, with the share ``tie`` of the energy. blocks :
+    the shapes, zero-mean. means, of, turns, sign : of each block its mean, its shape, and the
+    isometry and sign that turn the shape into it. lowest, composition, inverse : tables of
+    `evocity.isometries`. The other arrays get the fields of `Matches`, but the energy.
+    """
+    pixels, number = block * block, energy.size
+    domain, images = np.empty(pixels), np.empty((pixels, 8))
+    gains, slopes, levels = np.zeros((number, 8)), np.zeros((number, 8)), np.zeros(number)
+    enough, found = np.zeros(number, np.int64), np.zeros(number, np.int64)
+    for i in range(number):
+        most = 0.0
+        for k in range(count[i]):
+            most = max(most, records[i, k])
+        slack = tie * energy[i]
+        least = most - slack
+        place = np.int64(-1)
+        for k in range(count[i]):
+            if records[i, k] >= max(least, slack) and (place < 0 or places[i, k] < place):
+                place = places[i, k]
+        found[i] = place
+        if place >= 0:
+            y, x = place >> 21 & 0x1FFFFF, place & 0x1FFFFF
+            turned(blocks[i], sources, images)
+            levels[i] = exact_gains(
+                shrunk, step, y, x, block, images, cap, domain, gains[i], slopes[i]
+            )
+        highest = gains[i].max()
+        for k in range(8):
+            enough[i] |= np.int64(gains[i, k] >= min(least, highest)) << k
+    for b in range(of.size):
+        i = of[b]
+        # of equal isometries, the lowest after turning the shape to the block
+        iso = lowest[turns[b], enough[i]]
+        own = composition[inverse[turns[b]], iso]
+        matched = found[i] >= 0
+        place = found[i] if matched else 0
+        multiple[b], tops[b], lefts[b] = place >> 42, place >> 21 & 0x1FFFFF, place & 0x1FFFFF
+        isos[b] = iso
+        sigma[b] = sign[b] * slopes[i, own] if matched else 0.0
+        gain[b] = gains[i, own] if matched else 0.0
+        beta[b] = means[b] - sigma[b] * levels[i]

@@ -94,7 +94,7 @@ def add_refinements(
         return list(plans)
     last, refined = slots[max(0, len(slots) - section.births) :], []
     for plan in plans:
-        slot = plan.id % recipe.run.population
+        slot = plan.id % recipe.generation_size
         if slot in last:
             rng = birth_generator(recipe.run.seed, generation, slot)
             score = Score.of(aims, population.first_losses)

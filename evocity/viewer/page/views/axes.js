@@ -96,9 +96,11 @@ class Axes {
     context.drawImage(this.back, 0, 0, this.width, HEIGHT);
     if (count < this.births.count) this.fade(context);
     this.drawLines(context, mask, count, COLOURS.passing, 0.95);
-    context.strokeStyle = COLOURS.chosen;
-    context.lineWidth = 2;
-    for (const row of chosen.slice(-MOST_CHOSEN)) this.stroke(context, [row]);
+    const shown = chosen.slice(-MOST_CHOSEN);
+    for (const [colour, wide] of [[COLOURS.paper, 6], [COLOURS.chosen, 2.5]]) { // a pale border, for eyes that see no red
+      [context.strokeStyle, context.lineWidth] = [colour, wide];
+      this.stroke(context, shown);
+    }
     if (active >= 0) {
       context.strokeStyle = COLOURS.ink;
       context.lineWidth = 2.5;

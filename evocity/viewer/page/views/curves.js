@@ -1,6 +1,6 @@
 import { element, number } from "../elements.js";
 
-const WIDE = 300, TALL = 150, LEFT = 56, RIGHT = 8, TOP = 10, LOW = 22;
+const WIDE = 300, TALL = 150, LEFT = 66, RIGHT = 8, TOP = 10, LOW = 22;
 /** The headings of groups of curves, in their order. */
 const GROUPS = [["goal", "best of each goal"], ["hypervolume", "all goals together"],
   ["guard", "births that break a bound"], ["figure", "figures of the algorithm"], ["island", "islands"]];
@@ -46,7 +46,8 @@ const svg = (parent, tag, attributes, text = "") => {
 };
 
 /** A figure with one curve: ends and target in numbers, the last value as a dot. */
-function drawCurve({ title, unit, target, generations, values }) {
+function drawCurve({ title: name, unit, target, generations, values }) {
+  const title = name.replaceAll("_", " ");
   const figure = element(null, "figure"), known = values.map((value, k) => [generations[k], value]).filter(([, value]) => value !== null);
   element(figure, "figcaption", "", unit ? `${title}, ${unit}` : title);
   if (!known.length) {

@@ -3,7 +3,7 @@ import { Tiles, paintTile } from "../tiles.js";
 
 const SIDE = 192, SHOWN = 160;
 
-/** The births to keep, with pictures, reasons, shares of the source cities, values of the goals and commands. */
+/** The births to keep, with pictures, reasons, shares of the source cities, values of goals and bounds, and commands. */
 class Keep {
   constructor(root, page, hands) {
     [this.page, this.hands, this.cards] = [page, hands, []];
@@ -25,7 +25,8 @@ class Keep {
       const cards = await this.hands.part("keep");
       if (request !== this.request) return;
       this.cards = cards;
-      this.words.textContent = cards.length ? "" : "No birth keeps the constraints, so there is nothing to keep yet.";
+      this.words.textContent = !cards.length ? "No birth keeps the constraints, so there is nothing to keep yet."
+        : cards.some((one) => one.feasible) ? "" : "No birth keeps all bounds. These are the best births of the last generation.";
     } catch (error) {
       this.words.textContent = `There are no births to keep: ${error.message}`;
     }
@@ -40,20 +41,27 @@ class Keep {
     picture.addEventListener("click", () => this.hands.show(card.id));
     element(picture, "canvas", "", "", { "aria-hidden": "true" });
     const text = element(item, "div");
-    element(text, "h2", "", `${card.role}, birth ${card.id}`);
-    for (const sentence of [card.why, card.gave_up, card.scarce]) if (sentence) element(text, "p", "", sentence);
+    const named = births.columns.map(({ name }) => name).filter((name) => name.includes("_"));
+    const plain = (sentence) => named.reduce((line, name) => line.replaceAll(name, name.replaceAll("_", " ")), sentence);
+    element(text, "h2", "", `${plain(card.role)}, birth ${card.id}`);
+    for (const sentence of [card.why, card.gave_up, card.scarce]) if (sentence) element(text, "p", "", plain(sentence));
     const share = (value) => `${(100 * value).toFixed(value > 0 && value < 0.1 ? 1 : 0)} %`;
     const shares = card.shares.map((one) => `${one.city} ${share(one.share)} of the map, ${share(one.built)} of the buildings`);
     if (shares.length) element(text, "p", "faint", shares.join("; "));
     const facts = element(text, "div", "facts");
     const columns = births.columns.filter(({ name }) => Object.hasOwn(card.values, name));
-    const sought = columns.filter(({ goal, target }) => goal !== null || target !== null);
-    for (const { name, sign, unit } of sought.length ? sought : columns) {
+    const isSought = ({ goal, target }) => goal !== null || target !== null;
+    const aims = [...columns.filter(isSought), ...columns.filter((one) => !isSought(one) && one.sign)]; // then bounds
+    for (const { name, sign, unit } of aims.length ? aims : columns) {
       const value = card.values[name], fact = element(facts, "div", "fact");
       element(fact, "span", "faint", `${name.replaceAll("_", " ")} ${sign}`.trimEnd());
       element(fact, "span", "", `${number(value === null ? NaN : value)} ${unit}`.trimEnd());
     }
-    element(element(text, "p", "faint", "for QGIS: "), "code", "", card.command);
+    const code = element(element(text, "p", "faint", "for QGIS: "), "code");
+    card.command.split(" ").forEach((word, k) => { // a line breaks between words only
+      if (k) code.append(" ");
+      element(code, "span", "", word);
+    });
     return item;
   }
 

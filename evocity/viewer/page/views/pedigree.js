@@ -126,7 +126,7 @@ class Pedigree {
     });
     this.bars.hidden = !every.length;
     const left = more ? ` The pictures leave out ${countText(more)} ancestors.` : "";
-    this.words.textContent = every.length ? `Birth ${this.id} has ${countText(every.length)} ancestors. The bars count all ancestors by the generation of their birth; the red part counts the ${countText(shown.length)} ancestors with pictures.${left}` :
+    this.words.textContent = every.length ? `Birth ${this.id} has ${countText(every.length)} ancestors. The bars count all ancestors by the generation of their birth; the dark part counts the ${countText(shown.length)} ancestors with pictures.${left}` :
       `Birth ${this.id} has no parents.`;
     if (!every.length) return;
     const most = Math.max(...counts[0]), place = counts[0].indexOf(most), room = TALL - BELOW - ABOVE, step = Math.min(24, this.width / count);

@@ -33,7 +33,7 @@ class Tables {
   }
 
   showBirths() {
-    const { births, rows, state: { order } } = this.page, { columns } = births, shown = Array.from(rows.slice(0, MOST));
+    const { births, rows, state: { order } } = this.page, id = births.byName.get("id"), columns = [id, ...births.columns.filter((one) => one !== id)], shown = Array.from(rows.slice(0, MOST));
     const left = rows.length - shown.length, focused = [...this.births.querySelectorAll("button")].indexOf(document.activeElement);
     this.births.replaceChildren(element(null, "h2", "", "births that pass the filter"));
     if (left) element(this.births, "p", "faint", `The table has the first ${MOST} births. ${countText(left)} more births pass the filter.`);
