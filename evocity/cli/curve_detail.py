@@ -10,9 +10,15 @@ import click
 
 from evocity.cli.shared.checks import check_output, replace_file
 from evocity.cli.shared.commands import command
+from evocity.cli.shared.detail_options import (
+    donor_gain_option,
+    finest_levels_option,
+    gain_option,
+    levels_of,
+    levels_option,
+)
 from evocity.cli.shared.options import WHOLE, json_option, option, output_option
 from evocity.cli.shared.terminal import echo, print_json, warn
-from evocity.errors import EvocityError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -81,12 +87,8 @@ def detail(source: str, drop: int, output: Path | None, as_json: bool) -> None:
 @click.argument("source", metavar="CURVE")
 @click.argument("donor", metavar="DONOR")
 @curve_output
-@option(
-    "--levels",
-    "Number of finest levels whose details the command replaces. [all but the coarsest]",
-    WHOLE,
-)
-@option("--gain", "Factor that multiplies the details of DONOR.", float, 1.0)
+@finest_levels_option
+@donor_gain_option
 @json_option
 def transfer(
     source: str, donor: str, output: Path, levels: int | None, gain: float, as_json: bool
@@ -115,13 +117,8 @@ def transfer(
   evocity curve amplify edge.json --gain 0 --levels 6,7 -o smoother.png""")
 @click.argument("source", metavar="CURVE")
 @curve_output
-@option(
-    "--gain",
-    "Factor that multiplies the details; a factor of 0 removes all details.",
-    float,
-    required=True,
-)
-@option("--levels A,B", "Levels of detail to change; level 0 is the coarsest level. [all]")
+@gain_option
+@levels_option
 @json_option
 def amplify(source: str, output: Path, gain: float, levels: str | None, as_json: bool) -> None:
     """Enlarge or reduce the details of a curve.
@@ -132,16 +129,7 @@ def amplify(source: str, output: Path, gain: float, levels: str | None, as_json:
     itself, or null).
     """
     check_output(output, source, WRITTEN)
-    chosen = None
-    if levels is not None:
-        parts = [part.strip() for part in levels.split(",")]
-        if not all(part.isdecimal() and len(part) < 4 for part in parts):
-            raise EvocityError(
-                f"--levels {levels} is not a list of levels",
-                "the numbers of levels with commas between them, such as 5,6",
-                "correct the list after --levels",
-            )
-        chosen = [int(part) for part in parts]
+    chosen = levels_of(levels)
     stored = read_stored(source)
     with print_warnings():
         changed = stored.detailed.amplified(gain, chosen)

@@ -7,9 +7,15 @@ import click
 
 from evocity.cli.shared.checks import check_output
 from evocity.cli.shared.commands import Commands, command
+from evocity.cli.shared.detail_options import (
+    donor_gain_option,
+    finest_levels_option,
+    gain_option,
+    levels_of,
+    levels_option,
+)
 from evocity.cli.shared.options import WHOLE, json_option, option, output_option
 from evocity.cli.shared.terminal import echo, print_json
-from evocity.errors import EvocityError
 
 if TYPE_CHECKING:
     from evocity.shapes import StoredSurface
@@ -129,12 +135,8 @@ def detail(source: str, drop: int, output: Path | None, as_json: bool) -> None:
 @click.argument("source", metavar="GROUND")
 @click.argument("donor", metavar="DONOR")
 @_surface_output
-@option(
-    "--levels",
-    "Number of finest levels whose details the command replaces. [all but the coarsest]",
-    WHOLE,
-)
-@option("--gain", "Factor that multiplies the details of DONOR.", float, 1.0)
+@finest_levels_option
+@donor_gain_option
 @json_option
 def transfer(
     source: str, donor: str, output: Path, levels: int | None, gain: float, as_json: bool
@@ -160,13 +162,8 @@ def transfer(
   evocity surface amplify ground.json --gain 0 --levels 5,6 -o smoother.tif""")
 @click.argument("source", metavar="GROUND")
 @_surface_output
-@option(
-    "--gain",
-    "Factor that multiplies the details; a factor of 0 removes all details.",
-    float,
-    required=True,
-)
-@option("--levels A,B", "Levels of detail to change; level 0 is the coarsest level. [all]")
+@gain_option
+@levels_option
 @json_option
 def amplify(source: str, output: Path, gain: float, levels: str | None, as_json: bool) -> None:
     """Enlarge or reduce the details of a surface.
@@ -176,15 +173,8 @@ def amplify(source: str, output: Path, gain: float, levels: str | None, as_json:
     from evocity.shapes import read_surface
 
     check_output(output, source, _WRITTEN)
-    parts = [] if levels is None else [part.strip() for part in levels.split(",")]
-    if not all(part.isdecimal() and len(part) < 4 for part in parts):
-        raise EvocityError(
-            f"--levels {levels} is not a list of levels",
-            "the numbers of levels with commas between them, such as 5,6",
-            "correct the list after --levels",
-        )
+    chosen = levels_of(levels)
     stored = read_surface(source)
-    chosen = None if levels is None else [int(part) for part in parts]
     _say(_changed(stored, stored.surface.amplified(gain, chosen)), output, as_json)
 
 
