@@ -384,7 +384,7 @@ def test_a_dask_worker_that_is_killed_costs_nothing(cluster, machines, genome, t
     found = engine.run("evaluate", jobs)
     killer.join()
     assert [one.values for one in found] == expected
-    assert any("is gone; its births are done again" in text for text in told)
+    assert any("is gone; births that it had are done again" in text for text in told)
     assert within(10, lambda: not any(map(alive, family)))
     # the loop starts another, which takes part
     assert within(30, lambda: engine._link.sites().__len__() == 2)

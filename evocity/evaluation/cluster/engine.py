@@ -280,11 +280,10 @@ class Cluster(Engine):
         self._looked = time.monotonic()
         there = self._link.sites()
         for address in [one for one in self._sites if one not in there]:
-            lost = self._sites.pop(address)
-            if lost.chunks:
-                self._retried(
-                    f"the Dask worker at {address} is gone; its births are done again elsewhere"
-                )
+            del self._sites[address]  # another worker may have done its chunks again already
+            self._retried(
+                f"the Dask worker at {address} is gone; births that it had are done again elsewhere"
+            )
         new = [one for one in there if one not in self._sites and one not in self._left_out]
         if new:
             self._install(new, strictly=False)
