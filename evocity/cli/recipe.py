@@ -99,13 +99,13 @@ def new(
     """Write a recipe that breeds from MAPs, with bounds calibrated on these maps.
 
     Each MAP is a map file or the name of a bundled district. The command encodes each map as a
-    genome, then measures both the map and the decoded genome. The recipe sets bounds on three
-    measures: integrity, fabric distance and small buildings. The encoded parents satisfy all bounds
-    in the recipe, but a map of scattered fragments violates these bounds. Comments in the recipe
-    explain each line, list the values of the parents, and estimate the time of a run. The command
-    breeds a few children, and fits the number of generations to the option --hours. Paths in the
-    recipe are relative to the folder of the recipe. For a measure without a goal, the recipe sets a
-    target: the value that the first MAP has after encoding and decoding.
+    genome, then measures both the map and the decoded genome. The recipe sets bounds that real
+    districts keep, for example on integrity, fabric distance, street distance and repetition. At
+    least one encoded parent keeps each bound; the bound on smallest_share is only for children.
+    Comments in the recipe explain each line, list the values of the parents, and estimate the time
+    of a run. The command breeds a few children, and fits the number of generations to the option
+    --hours. Paths in the recipe are relative to the folder of the recipe. For a measure without a
+    goal, the recipe sets a target: the value that the first MAP has after encoding and decoding.
 
     The JSON document has the keys "recipe", "values", "bounds", "births", "seconds" and "duration".
     For each measure and parent, the key "values" has two values: one for the original map, and one
