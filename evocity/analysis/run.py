@@ -227,14 +227,14 @@ class Run(complete_run.CompleteRun, Displayed):
         return self[int(ids[best_compromise(self.columns.losses[self.columns.rows(ids)], heavy)])]
 
     def keep(self, n: int = 5, of: object = None) -> "Shortlist":
-        """Return a shortlist of at most ``n`` births of the archive: the compromise, the best birth
-        for each goal, and births that look different. The argument "of" replaces the archive by
-        other births. Each entry of the shortlist has the attributes ``individual``, ``role`` (for
-        example "compromise"), ``why``, ``gave_up`` and ``built``."""
+        """Return a shortlist of at most ``n`` births of the archive, or of other births ``of``: the
+        compromise, the best for each goal, and births that look different; from a small archive,
+        also living births. Entries have ``individual``, ``role``, ``why``, ``gave_up``, ``built``.
+        """
         from evocity.analysis.shortlist import choose_shortlist
 
         check_count("n", n)
-        where = "in the archive" if of is None else "given that keep the constraints"
+        where = None if of is None else "given that keep the constraints"
         return choose_shortlist(self.columns, self._feasible(of), self.likeness, n, where)
 
     def view(

@@ -111,11 +111,20 @@ def choose_shortlist(
     ids: np.ndarray,
     likeness: Likeness,
     count: int,
-    where: str = "in the archive",
+    where: str | None = None,
     apart: float = APART,
 ) -> Shortlist:
     """Choose ``count`` of the births ``ids``, which are ``where``, or as many as differ: the best
-    compromise, the best by each goal, then medoids of the largest groups of others."""
+    compromise, the best by each goal, then medoids of the largest groups of others.
+
+    Without ``where``, the births are the archive. With a single goal, or early in a run, the
+    archive is small: the living that keep the constraints then stand beside it.
+    """
+    if where is None:
+        where = "in the archive"
+        if len(ids) < count:
+            ids = np.union1d(ids, births.ids[births.alive & births.feasible])
+            where += " or alive"
     choice = _Choice(births, ids, where)
     choice.take(best_compromise(choice.losses, np.ones(len(births.goals))), "compromise")
     for column, goal in enumerate(births.goals):
@@ -253,8 +262,12 @@ class _Choice:
         if self.scaled[row, worst] <= 0:
             return "It gave up nothing."
         goal, best = self.births.goals[worst], self.best(worst)
+        aim = self._aims.get(goal)
+        wanted = aim is not None and aim.total is None and aim.target is not None
+        meant = f"for a target of {aim.target:.4g}, " if wanted else ""
         return (
-            f"It gave up {goal}: {self.value(row, worst)}, the best has {self.value(best, worst)}."
+            f"It gave up {goal}: {self.value(row, worst)}; {meant}the best has "
+            f"{self.value(best, worst)}."
         )
 
 

@@ -212,6 +212,4 @@ def _scale(reference: Reference, tables: list, counts: list[int]) -> _Scaled | U
 def _too_few(where: str, count: int) -> str:
     if count >= FEWEST:
         return ""
-    return (
-        f"{count} buildings of {CRUMB:.0f} m² or more in {where}; fewer than {FEWEST} tell nothing"
-    )
+    return f"{count} buildings of {CRUMB:.0f} m² or more in {where}; the comparison needs {FEWEST}"

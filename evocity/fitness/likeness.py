@@ -232,4 +232,4 @@ def _halves(rows: np.ndarray, at: np.ndarray) -> float:
 def _too_few(where: str, count: int) -> str:
     if count >= FEWEST:
         return ""
-    return f"{count} patches with buildings in {where}; fewer than {FEWEST} tell nothing"
+    return f"{count} patches with buildings in {where}; the comparison needs {FEWEST}"

@@ -185,4 +185,4 @@ def _scaled_reference(reference: Reference) -> _Scaled | Undefined:
 def _too_few(where: str, count: int) -> str:
     if count >= FEWEST:
         return ""
-    return f"{count} edges of the street graph in {where}; fewer than {FEWEST} tell nothing"
+    return f"{count} edges of the street graph in {where}; the comparison needs {FEWEST}"

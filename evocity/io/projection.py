@@ -118,14 +118,20 @@ def is_true_to_scale(crs: CRS, lon: float, lat: float, tolerance: float = SCALE_
 def scale_error(crs: CRS, lon: float, lat: float) -> float:
     """Measure by which share lengths of 100 m are wrong at a place, the worse of x and y; infinite
     beyond the range of the projection."""
+    return max(abs(length - 1) for length in true_lengths(crs, lon, lat))
+
+
+def true_lengths(crs: CRS, lon: float, lat: float) -> tuple[float, float]:
+    """Return the true lengths of a metre of x and of a metre of y at a place, metres; infinite
+    beyond the range of the projection."""
     x, y = transform_points(lon, lat, WGS84, crs)
     if not (math.isfinite(x) and math.isfinite(y)):
-        return math.inf
+        return math.inf, math.inf
     lons, lats = transform_points([x, x + 100, x], [y, y, y + 100], crs, WGS84)
     if not np.isfinite([lons, lats]).all():
-        return math.inf
+        return math.inf, math.inf
     _, _, lengths = WGS84.get_geod().inv([lons[0]] * 2, [lats[0]] * 2, lons[1:], lats[1:])
-    return float(np.abs(np.array(lengths) / 100 - 1).max())
+    return lengths[0] / 100, lengths[1] / 100
 
 
 def can_keep(crs: CRS, lon: float, lat: float, side: float) -> bool:

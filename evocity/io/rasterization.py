@@ -26,6 +26,7 @@ from evocity.io.projection import (
     scale_error,
     transform_points,
     transform_polygons,
+    true_lengths,
 )
 from evocity.io.reader_types import Footprints, Request, check_size, north_up, refuse_center
 from evocity.io.roof_shapes import roof_shapes_of
@@ -112,7 +113,9 @@ def _choose_projection(
     note = f"; the map has a transverse Mercator projection about its centre, and not {own.name}"
     error = scale_error(own, *center)
     if is_metric(own) and KEPT_TOLERANCE < error < math.inf:
-        note += f", whose lengths are wrong by {100 * error:.2f} % here"
+        lengths = true_lengths(own, *center)
+        worse = max(lengths, key=lambda length: abs(length - 1))
+        note += f", in which a length of 100 m has {100 / worse:.2f} m here"
     return local_metres(*center), note
 
 

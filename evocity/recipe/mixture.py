@@ -45,7 +45,7 @@ def usual_operators(kind: str = "fabric") -> dict[str, OperatorEntry]:
 
 #: The mixture of new recipes with several parents: operators that keep the plan of a parent.
 PLAN_OPERATORS: Mapping[str, Mapping[str, Any]] = {
-    "plan_fusion": {"weight": 3},
+    "plan_fusion": {"weight": 3, "area_min": 100.0, "share": {"from": 0.0, "to": 0.15}},
     "plan_crossing": {"weight": 5},
     "plan_spread": {"weight": 1},
     "plan_storeys": {"weight": 1},

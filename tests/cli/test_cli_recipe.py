@@ -16,7 +16,8 @@ from evocity.errors import RecipeError
 from evocity.recipe.mixture import plan_operators, usual_operators
 from evocity.recipe.reader import recipe_of
 from evocity.recipe.sections import GenomeSection
-from evocity.search.calibration.calibration import BESIDE, _note_best, _note_heights
+from evocity.search.calibration.calibration import BESIDE
+from evocity.search.calibration.recipe_notes import _note_best, _note_heights
 from evocity.search.calibration.recipe_text import MANY_BIRTHS, Goal
 from evocity.search.preparation.preparation import prepare
 

@@ -377,13 +377,18 @@ def test_generations_planned_are_the_recipes(tmp_path, recipe, planned):
     assert planned_generations(RunLog(make_run(tmp_path / "run", recipe=recipe))) == planned
 
 
-@pytest.mark.parametrize("population", [1, 2])
-def test_of_a_single_birth_or_goal_there_is_one_to_keep(tmp_path, population):
+@pytest.mark.parametrize(("population", "heading"), [(1, "One to keep"), (2, "Two to keep")])
+def test_with_a_single_goal_living_births_stand_beside_the_best(tmp_path, population, heading):
     goals = {"provenance": {"fitness": [{"name": "gsi", "goal": "max"}]}, "measures": ("gsi",)}
     folder = make_run(tmp_path / "run", population=population, generations=1, **goals)
     page = Page(write_report(folder).read_text("utf-8"))
-    assert len(page.kept()) == 1
-    assert "One to keep" in page.text
+    assert len(page.kept()) == population
+    assert heading in page.text
+    run = evocity.open_run(folder)
+    best, *others = run.keep()
+    assert best.individual.id == run.archive.ids.tolist()[0]
+    assert all(one.role == "of another kind" and one.individual.alive for one in others)
+    assert len(run.keep(1)) == len(run.keep(of=run.archive.ids)) == 1
 
 
 def test_words_are_explained_where_they_stand(usual):

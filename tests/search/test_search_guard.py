@@ -10,15 +10,15 @@ from hypothesis import strategies as st
 from test_search_recipe import replaced
 from test_search_run import run
 
-from evocity import fitness
+from evocity import CityMap, fitness
 from evocity.coding import decode
 from evocity.errors import RecipeError, RunError
 from evocity.fitness import Constraint, Measure
 from evocity.recipe.mixture import plan_operators
 from evocity.report import unrecorded, write_report
 from evocity.search import Search, archive, read_recipe
-from evocity.search.calibration.calibration import _note_idle, _note_unkept
 from evocity.search.calibration.guard import OF_FABRIC, calibrate_bound, tighten_bound
+from evocity.search.calibration.recipe_notes import _note_idle, _note_unkept, notes_on
 from evocity.search.calibration.recipe_text import Bound, Goal
 from evocity.search.preparation.constraints import ParentConstraint, describe_unkept, round_bound
 from evocity.search.preparation.constraints import parent_constraints as bounds_of
@@ -183,7 +183,11 @@ def test_parents_that_keep_each_bound_but_none_of_them_all(toy):
     other = ParentConstraint(Constraint(fitness.gsi, high=0.4), {"left": 0.3, "right": 0.5}, False)
     (told,) = describe_unkept([kin, other])
     assert told.endswith("all constraints at once. Kept are kin ≥ 0.3: right; gsi ≤ 0.4: left")
-    assert describe_unkept([other]) == []
+    (told,) = describe_unkept([other])
+    assert "right breaks gsi ≤ 0.4 (0.5). Children" in told
+    assert "left" not in told
+    unknown = ParentConstraint(Constraint(fitness.gsi, high=0.4), {"a": 0.3, "b": math.nan}, False)
+    assert describe_unkept([unknown]) == []
 
 
 class Births:
@@ -295,3 +299,15 @@ def test_bounds_that_no_code_keeps_or_that_bound_nothing_are_noted():
     assert _note_unkept([], [Bound(fitness.smallest_share, min=0.2)], values) == []
     (note,) = _note_idle([goal(fitness.gsi, min=0.0, max=1.0), kept])
     assert note.startswith("gsi: its bounds bound nothing")
+
+
+def test_notes_name_maps_without_heights_and_without_attribution(town):
+    heights = town.heights
+    whole = CityMap(heights, 2.0, height_rules={"height": 9}, attribution="© someone")
+    bare = CityMap(heights, 2.0, name="bare", height_rules={"default": 5, "height": 4})
+    notes = notes_on([], [], {}, [whole, bare])
+    assert [note.partition(":")[0] for note in notes] == ["bare", "bare"]
+    assert "get the default" in notes[0]
+    assert "attribution under [[parents]]" in notes[1]
+    assert notes_on([], [], {}, [whole, whole]) == []
+    assert len(notes_on([], [], {}, [bare, bare])) == 1  # no parent has heights

@@ -153,7 +153,24 @@ def describe_unkept(constraints: Sequence[ParentConstraint]) -> list[str]:
             f"{one.bounds_text}: {', '.join(sorted(one.keepers))}" for one in constraints
         )
         return [f"no parent's own code keeps all constraints at once. Kept are {kept}"]
-    return []
+    return _describe_broken(constraints)
+
+
+def _describe_broken(constraints: Sequence[ParentConstraint]) -> list[str]:
+    """Name the parents whose codes break ``constraints`` that another parent keeps."""
+    broken = [
+        f"{name} breaks {one.bounds_text} ({value:.4g})"
+        for one in constraints
+        for name, value in one.values.items()
+        if name not in one.keepers and not math.isnan(value)
+    ]
+    if not broken:
+        return []
+    return [
+        f"the code of a parent breaks a bound: {'; '.join(broken)}. Children that are like this "
+        "parent lose to all that keep the bound. If you changed the maps since `evocity recipe "
+        "new`, measure the bounds again with it"
+    ]
 
 
 def _check_free_buildings(prepared: Prepared) -> None:

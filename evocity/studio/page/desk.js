@@ -50,7 +50,7 @@ export class Desk {
     this.fields = element(this.form, "fieldset", "", "", { "aria-label": "choices for the recipe" });
 
     element(this.fields, "h3", "", "1. Cities to breed from");
-    element(this.fields, "p", "faint", "Choose two or more cities as parents. Most children keep the streets of the first parent.");
+    element(this.fields, "p", "faint", "Choose two or more cities as parents. Most children keep the streets of one of these cities.");
     const window = element(this.fields, "div", "row");
     this.pixels = field(window, "width of the square map in pixels", "number", "", { min: 8, max: 32767, step: 1, required: "" });
     this.metres = field(window, "metres per pixel", "number", "", { ...LENGTH, step: "any", required: "" });
