@@ -223,7 +223,7 @@ def _name(output: Path) -> str:
 
 def _parents(
     maps: Sequence[str],
-    centers: Sequence[tuple[float, float]],
+    centers: Sequence[tuple[float | None, float | None]],
     of_files: Mapping[str, object],
     folder: Path,
 ) -> list[dict[str, object]]:
@@ -256,13 +256,20 @@ def _parents(
             "maps come from files",
             "one --center LON LAT for each map; or one for each map that comes from a file, in the "
             "order of the maps",
-            "give one --center for each map; or leave --center out, and write center = [LON, LAT] "
-            "in the recipe, under [[parents]]",
+            "give one --center for each map; for a map that keeps its own window, write --center "
+            "own own",
+        )
+    half = [center for center in center_of.values() if (center[0] is None) != (center[1] is None)]
+    if half:
+        raise EvocityError(
+            f"--center {' '.join('own' if x is None else f'{x:g}' for x in half[0])}",
+            "longitude and latitude in degrees, or the word own twice",
+            "write --center LON LAT or --center own own",
         )
     entries = []
     for k, source in enumerate(maps):
         entry: dict[str, object] = {"map": _path_from(folder, source)}
-        if k in center_of:
+        if center_of.get(k, (None, None))[0] is not None:
             entry["center"] = list(center_of[k])
         entries.append(entry | {key: value for key, value in given.items() if key in takes[k]})
     return entries

@@ -314,6 +314,8 @@ def test_centers_are_of_the_map_files(tmp_path, towns):
     (first, second) = _parents(files, [here, there], {"height_scale": 2.0}, tmp_path)
     assert first == {"map": "a.npy", "center": [4.8, 45.7], "height_scale": 2.0}
     assert second == {"map": "lyon-1er", "center": [4.9, 45.8]}
+    (first, second) = _parents(files, [(None, None), there], {}, tmp_path)
+    assert (first, second) == ({"map": "a.npy"}, {"map": "lyon-1er", "center": [4.9, 45.8]})
 
 
 @pytest.mark.parametrize(
@@ -345,6 +347,8 @@ def test_centers_are_of_the_map_files(tmp_path, towns):
             ("left.npy", "right.npy", *("--center", 4.8, 45.7) * 3),
             "--center is given 3 times for 2 maps",
         ),
+        (("left.npy", "right.npy", *("--center", 4.8, 45.7) * 3), "write --center own own"),
+        (("left.npy", "--center", "own", 45.7), "--center own 45.7"),
         (("left.npy", "-o", "a.txt"), "cannot be written here"),
         (("left.npy", "-o", "nowhere/a.toml"), "no folder"),
         (("left.npy", "-o", "kept.toml"), "exists already"),

@@ -115,6 +115,11 @@ class Parsed(click.ParamType):
             self.fail(f"{value!r} is not {self._right}", param, ctx)
 
 
+def _read_degrees(text: str) -> float | None:
+    """Degrees; None for the word "own"."""
+    return None if text == "own" else float(text)
+
+
 def _read_numbers(text: str) -> tuple[int, ...]:
     return tuple(int(part) for part in text.split(","))
 
@@ -229,8 +234,9 @@ metres_option = option("--metres-per-pixel", "Side of a pixel, in metres.", floa
 centers_option = option(
     "--center LON LAT...",
     "Longitude and latitude of the centre of a map window, in degrees. Give one centre for each "
-    f"MAP, or leave out the centres of bundled districts. {_WINDOW}",
-    float,
+    'MAP, or leave out the centres of bundled districts. The centre "own own" is the file\'s own '
+    f"window. {_WINDOW}",
+    Parsed("float", _read_degrees, 'a number of degrees, or "own"'),
 )
 
 
