@@ -39,6 +39,18 @@ def slow(city):
     return float(number(city) % 1000)
 """
 
+#: After some births it waits for a file.
+WAITS = """
+CALLS = []
+
+@evocity.fitness(goal="max")
+def waits(city):
+    CALLS.append(1)
+    while len(CALLS) > 20 and not os.path.exists({go!r}):
+        time.sleep(0.01)
+    return float(number(city) % 1000)
+"""
+
 
 def command_of(pid: int) -> str:
     """The command line of a process; empty if no such process exists."""
@@ -76,7 +88,7 @@ class Host:
         self._running.remove(pid)
         return code
 
-    def left(self, seconds: float = 5.0) -> list[str]:
+    def left(self, seconds: float = 60.0) -> list[str]:
         """What of all runs that ended is still there after so many seconds: command lines."""
         until = time.monotonic() + seconds
         while True:
@@ -315,22 +327,31 @@ def test_workers_killed_or_stopped_in_a_run_cost_no_birth(host, tmp_path, uninte
 
 @pytest.mark.slow
 def test_of_four_that_resume_at_once_one_runs(host, tmp_path, uninterrupted):
-    recipe, out = write_toy(tmp_path, SLOW, generations=12), tmp_path / "run"
+    """No run ends before the file ``go`` is there: it waits for the kill, and for the others."""
+    go = tmp_path / "go"
+    waits = WAITS.format(go=str(go))
+    recipe, out = write_toy(tmp_path, waits, generations=12), tmp_path / "run"
     pid = host.begin(out, recipe)
-    until = time.monotonic() + 60
+    until = time.monotonic() + 120
     while not out.exists() or len(RunLog(out).generations) < 2:
         assert time.monotonic() < until
         time.sleep(0.02)
     os.kill(pid, signal.SIGKILL)
     assert host.ended(pid) == -signal.SIGKILL
-    ends = {pid: host.ended(pid) for pid in [host.begin(out) for _ in range(4)]}
+    four = [host.begin(out) for _ in range(4)]
+    until = time.monotonic() + 120
+    while sum(command_of(one) == "" for one in four) < 3:  # three have ended
+        assert time.monotonic() < until
+        time.sleep(0.02)
+    go.touch()
+    ends = {pid: host.ended(pid) for pid in four}
     assert sorted(ends.values()) == [0, 3, 3, 3]
     assert all(
         "is being written by another process" in host.told(pid)
         for pid, end in ends.items()
         if end == 3
     )
-    assert rows(out) == uninterrupted(12, SLOW)
+    assert rows(out) == uninterrupted(12, waits)
 
 
 # -- the clock -----------------------------------------------------------------------------
