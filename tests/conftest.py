@@ -39,6 +39,13 @@ IN_A_BROWSER = ("test_axonometry", "test_stroll", "test_walk", "_in_a_browser")
 FIRST = ("test_growth.py", "test_notebooks.py", "test_docs.py", "test_faults_night.py")
 
 
+def pytest_ignore_collect(collection_path, config):
+    """Whether a file need not be imported: of slow tests alone, most files have none."""
+    if config.option.markexpr.startswith("slow") and collection_path.suffix == ".py":
+        return True if b"slow" not in collection_path.read_bytes() else None
+    return None
+
+
 def pytest_collection_modifyitems(items):
     for one in items:
         if (mark := one.get_closest_marker("slow_cases")) and one.callspec.id in mark.args:

@@ -2,6 +2,7 @@
 
 import inspect
 import os
+import signal
 import subprocess
 import sys
 from importlib import import_module
@@ -134,7 +135,7 @@ def test_processes_that_compile_at_once_spoil_nothing(tmp_path):
         )  # fmt: skip
 
     def told(process):
-        out, _ = process.communicate(timeout=100)
+        out, _ = process.communicate(timeout=240)
         assert process.returncode == 0
         return out
 
@@ -197,6 +198,44 @@ def test_processes_number_what_they_compile_apart():
     told = [subprocess.run(words, capture_output=True, text=True, check=True) for _ in range(3)]
     numbers = [int(line) for one in told for line in one.stdout.split()]
     assert len(set(numbers)) == len(numbers) >= 3
+
+
+@kernel
+def copied_twice(numbers):
+    return numbers.copy(), numbers.copy()
+
+
+class Stopped(KeyboardInterrupt):
+    """Ctrl-C, or another signal that ends a run."""
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="signals of POSIX")
+def test_a_signal_in_a_kernel_is_raised_as_it_is():
+    """Numba returns the result of the kernel with the exception of the signal's handler set, of
+    which Python makes a SystemError."""
+
+    def stop(*_):
+        raise Stopped
+
+    numbers = np.zeros(1000)
+    copied_twice(numbers)
+
+    def work(seconds: float):
+        signal.setitimer(signal.ITIMER_REAL, seconds)
+        while True:
+            copied_twice(numbers)
+
+    before, found = signal.signal(signal.SIGALRM, stop), []
+    left = signal.setitimer(signal.ITIMER_REAL, 0.0)[0]  # of pytest-timeout
+    try:
+        for number in range(200):
+            with pytest.raises(BaseException) as caught:
+                work(2e-4 + 4e-6 * number)
+            found.append(caught.type)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_REAL, left)
+    assert set(found) == {Stopped}
 
 
 def test_nobody_is_told_when_llvm_is_called():

@@ -25,7 +25,14 @@ class Kernel:
         self.py_func, self._options = function, options
 
     def __call__(self, *arguments, **named):
-        return self.compiled(*arguments, **named)
+        try:
+            return self.compiled(*arguments, **named)
+        except SystemError as error:
+            # a signal's handler raised an exception while numba made the result: Ctrl-C, mostly
+            cause: BaseException = error
+            while isinstance(cause, SystemError) and cause.__cause__ is not None:
+                cause = cause.__cause__
+            raise cause from None
 
     @property
     def compiled(self):

@@ -228,7 +228,7 @@ WRONG = {
         "made city.heights writable",
         "city.heights.copy()",
     ),
-    "slow": ("import time\ntime.sleep(10)\nreturn 1.0", 9, "after 0.3 s", "whole arrays"),
+    "slow": ("import time\ntime.sleep(60)\nreturn 1.0", 9, "after 0.3 s", "whole arrays"),
 }
 
 
@@ -239,7 +239,8 @@ def test_what_is_wrong_is_told_with_file_line_and_remedy(tmp_path, own, name):
     if body.startswith("import evocity"):
         path.write_text(body, encoding="utf-8")
     before = contents(tmp_path)
-    result = call("fitness", "check", path, "--timeout", 0.3, code=1)
+    seconds = 0.3 if name == "slow" else 60
+    result = call("fitness", "check", path, "--timeout", seconds, code=1)
     assert result.stderr == ""
     (head, parts) = result.stdout.split(f"{path}, line {line}: ")
     assert head.rstrip().endswith(("Error in", "Error:", "Warning:"))
@@ -249,7 +250,8 @@ def test_what_is_wrong_is_told_with_file_line_and_remedy(tmp_path, own, name):
     assert to_do.startswith("  what to do: ")
     assert remedy in to_do
     assert contents(tmp_path) == before
-    told = json.loads(call("fitness", "check", path, "--timeout", 0.3, "--json", code=1).stdout)
+    words = ("fitness", "check", path, "--timeout", seconds, "--json")
+    told = json.loads(call(*words, code=1).stdout)
     (about,) = told.values()
     assert not about["usable"]
     assert any(says.split()[0] in one["found"] for one in about["findings"])
@@ -333,7 +335,7 @@ def test_list_tells_cost_and_origin(own, monkeypatch):
     assert told["mine"]["origin"] == str(path)
     assert told["mine"]["doc"] == "What it says."
     assert told["gsi"]["origin"] == "evocity"
-    assert 0 < told["gsi"]["milliseconds"] < 100
+    assert 0 < told["gsi"]["milliseconds"] < 10_000  # of a measure that takes less than one
     assert told["gsi"]["range"] == [0, 1]
     assert told["integrity"]["milliseconds"] is None
     none = json.loads(call("fitness", "list", "--json").stdout)

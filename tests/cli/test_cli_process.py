@@ -150,7 +150,7 @@ def test_ctrl_c_stops_a_run_that_can_be_resumed(tmp_path, workers):
             if line.startswith("generation"):
                 break
         os.killpg(running.pid, signal.SIGINT)  # as a terminal does: the workers get it too
-        out, err = running.communicate(timeout=60)
+        out, err = running.communicate(timeout=120)
     assert running.returncode == 130, err
     assert out == ""
     folder = tmp_path / "run"

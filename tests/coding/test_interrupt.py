@@ -44,4 +44,4 @@ def test_a_search_is_interrupted_at_once(threads):
         waited = time.monotonic() - start
         process.kill()
     assert told == "KeyboardInterrupt\n"
-    assert waited < 10
+    assert waited < 40

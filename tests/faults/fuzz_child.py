@@ -10,7 +10,6 @@ import os
 import resource
 import shutil
 import sys
-import time
 import warnings
 from pathlib import Path
 
@@ -23,16 +22,23 @@ def main(home: str, seconds: float) -> None:
     replies = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     readers = _readers()
+    from evocity.accelerate import watch_compiled
     from evocity.io import geopackage_sql
 
     geopackage_sql.SECONDS = seconds
+    compiled: list[bool] = []
+    watch_compiled(lambda: compiled.append(True))
     _limit()
     outside = _watch(home)
     print(json.dumps({"ready": os.getpid()}), file=replies, flush=True)
     for line in sys.stdin:
         job = json.loads(line)
-        outside.clear()
-        print(json.dumps(_outcome(readers, job, outside)), file=replies, flush=True)
+        told, compiled[:] = None, [True]
+        while compiled:  # what compiling a kernel takes, once a machine, is not the input's
+            compiled.clear()
+            outside.clear()
+            told = _outcome(readers, job, outside)
+        print(json.dumps(told), file=replies, flush=True)
 
 
 def _outcome(readers, job: dict, outside: list) -> dict:
@@ -49,7 +55,7 @@ def _outcome(readers, job: dict, outside: list) -> dict:
         outside.clear()
     before = _listing(path)
     parser = _reset_parser()
-    start, resident = time.perf_counter(), _reset()
+    start, resident = _seconds(), _reset()
     outcome, message = "read", ""
     try:
         with warnings.catch_warnings():
@@ -67,7 +73,7 @@ def _outcome(readers, job: dict, outside: list) -> dict:
         "number": job["number"],
         "outcome": outcome,
         "message": message,
-        "seconds": time.perf_counter() - start,
+        "seconds": _seconds() - start,
         "mib": max(0, _peak() - resident, _peak_of_parser(parser)) / 1024,
         "made": sorted({*outside, *(_listing(path) ^ before)}),
     }
@@ -185,6 +191,17 @@ def _listing(path: Path) -> set[str]:
     places = [path.parent, Path.cwd(), Path(os.environ["TMPDIR"])]
     found = {str(one) for place in places for one in place.rglob("*")}
     return {one for one in found if "__pycache__" not in one}
+
+
+def _seconds() -> float:
+    """Seconds of processor, also of the parser: what other work on the machine takes is not theirs.
+    `fuzz_drive` ends what waits for too long."""
+    ticks, pid = 0, _parser()
+    with contextlib.suppress(OSError):
+        if pid is not None:
+            fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+            ticks = sum(map(int, fields[11:13]))
+    return sum(os.times()[:4]) + ticks / os.sysconf("SC_CLK_TCK")
 
 
 def _reset() -> int:

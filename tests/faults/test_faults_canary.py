@@ -107,10 +107,10 @@ def test_the_rounding_mode_and_built_in_functions_are_restored(monkeypatch):
 
 def test_a_floating_point_environment_costs_little():
     state = FloatingPoint()
-    start = time.perf_counter()
+    start = time.thread_time()
     for _ in range(1000):
         state.restore()
-    assert time.perf_counter() - start < 0.5
+    assert time.thread_time() - start < 0.5
 
 
 BAD = ["replaces_evaluate", "rounds_up", "replaces_sum", "ends_the_next", "sends_a_pickle"]
@@ -184,7 +184,7 @@ def test_a_run_of_changing_births_has_the_others_as_a_run_of_failing_ones(tmp_pa
     logs = {}
     for name, deed in DEEDS.items():
         rounding = "ctypes.CDLL(None).fesetround(0x800)" if name != "raises" else "pass"
-        for workers in (1, 2) if name != "raises" else (0,):
+        for workers in {"raises": (0,), "changes": (1, 2), "changes numpy": (2,)}[name]:
             folder = tmp_path / f"{name} {workers}"
             folder.mkdir()
             goal = '[[fitness]]\nname = "gsi"\ntarget = 0.4\n'
@@ -193,13 +193,14 @@ def test_a_run_of_changing_births_has_the_others_as_a_run_of_failing_ones(tmp_pa
                 CHANGING.format(deed=deed, rounding=rounding),
                 goal,
                 workers=workers,
+                generations=2,
                 max_failures=1.0,
             )
             with Search(read_recipe(path), folder / "run") as search:
                 for _ in search:
                     pass
             run = evocity.open_run(folder / "run")
-            births = run.individuals(list(range(8 * 4)))
+            births = run.individuals(list(range(8 * 3)))
             logs[name, workers] = [
                 (
                     one.id,

@@ -23,6 +23,7 @@ from evocity.evaluation import Workers, linux_processes
 from evocity.evaluation.cluster import host as host_module
 from evocity.evaluation.cluster.parcel import parcel_of, unpack
 from evocity.evaluation.evaluator import Setup
+from evocity.evaluation.kernel_warmup import DECODE
 from evocity.kinds import KINDS as CHROMOSOMES
 from evocity.search import Search, read_recipe
 from evocity.search.preparation.startup import Crew
@@ -84,7 +85,7 @@ class Machines:
         self._nthreads = nthreads
         self.scheduler = self._scheduler()
         self.workers = [self.worker() for _ in range(workers)]
-        assert within(60, self._answers)
+        assert within(120, self._answers)
 
     def _start(self, *words: str, shell: bool = False) -> subprocess.Popen:
         words = [sys.executable, "-m", *words] if not shell else ["sh", "-c", *words]
@@ -144,7 +145,7 @@ class Machines:
             one.wait()
         self._log.close()
         left = [pid for family in families for pid in family]
-        assert within(10, lambda: not any(map(alive, left)))
+        assert within(60, lambda: not any(map(alive, left)))
 
 
 @pytest.fixture(scope="module")
@@ -175,7 +176,8 @@ def setup_of(tmp_path):
         path.write_text(MEASURE.format(body=body, imports=imports))
         measures = fitness.load_file(path)
         header = SimpleNamespace(chromosome=CHROMOSOMES["fabric"], measures=("bad",), recorded=())
-        return Setup(header, (("bad", str(path)),), sides=4), measures
+        # as searches do: else each worker would load the kernels by itself, in a birth's time
+        return Setup(header, (("bad", str(path)),), sides=4, parts=(DECODE,)), measures
 
     return make
 
@@ -248,8 +250,10 @@ def test_the_births_are_those_of_one_machine(tmp_path, machines):
 
 
 @pytest.mark.slow
-def test_jobs_stream_in_and_outcomes_come_as_they_are_done(cluster, machines, genome):
-    engine = cluster(machines.address, "time.sleep(0.5 if told == 'slow' else 0.01)")
+def test_jobs_stream_in_and_outcomes_come_as_they_are_done(cluster, machines, genome, tmp_path):
+    go = tmp_path / "go"
+    body = f"while told == 'slow' and not os.path.exists({str(go)!r}): time.sleep(0.01)"
+    engine = cluster(machines.address, body, timeout=120.0)
     engine.run("evaluate", named(genome, *calm(4)))  # workers are there
     jobs, taken = named(genome, "slow", *calm(20)), []
 
@@ -262,6 +266,7 @@ def test_jobs_stream_in_and_outcomes_come_as_they_are_done(cluster, machines, ge
     for number, outcome in engine.stream("evaluate", feed()):
         assert outcome.status == "ok"
         taken.append(number)
+        go.touch()
     assert sorted(taken) == list(range(21))
     assert taken[0] != 0
 
@@ -292,7 +297,7 @@ BAD = """{
 @pytest.mark.slow
 def test_bad_measures_cost_their_own_births(cluster, machines, genome, setup_of):
     names = ["hangs", "calm", "exits", "raises", "calm-2", "allocates", "starts", "kills", "calm-3"]
-    limits = {"timeout": 2.0, "memory": 300 * 10**6}
+    limits = {"timeout": 4.0, "memory": 300 * 10**6}
     here = Workers(setup_of(BAD)[0], 2, **limits)
     expected = here.run("evaluate", named(genome, *names))
     here.close()
@@ -307,7 +312,7 @@ def test_bad_measures_cost_their_own_births(cluster, machines, genome, setup_of)
     assert [one.status for one in found] == ends
     assert engine.size == 4
     engine.close()
-    assert within(10, lambda: not machines.hosted())
+    assert within(60, lambda: not machines.hosted())
 
 
 DATA = """
@@ -373,21 +378,41 @@ def test_a_measure_of_the_session_travels_as_source(tmp_path, machines):
 
 
 @pytest.mark.slow
-def test_a_dask_worker_that_is_killed_costs_nothing(cluster, machines, genome, told):
-    engine = cluster(machines.address, "time.sleep(0.05)")
+def test_a_dask_worker_that_is_killed_costs_nothing(cluster, machines, genome, told, tmp_path):
+    """It is killed while it has a birth: births end once the file ``go`` is there."""
+    go, notes = tmp_path / "go", tmp_path / "notes"
+    notes.mkdir()
+    go.touch()
+    body = f"open(f'{notes}/{{os.getpid()}}', 'w').close()\n"
+    body += f"    while not os.path.exists({str(go)!r}): time.sleep(0.01)"
+    engine = cluster(machines.address, body, timeout=120.0)
     jobs = named(genome, *calm(60))
     expected = [one.values for one in engine.run("evaluate", jobs)]
     victim = machines.worker_pid(0)
     family = linux_processes.descendants(victim)
-    killer = threading.Timer(0.5, os.kill, (victim, signal.SIGKILL))
+    go.unlink()
+    for one in notes.iterdir():
+        one.unlink()
+
+    def kill():
+        while not go.exists():
+            if {int(one.name) for one in notes.iterdir()} & set(
+                linux_processes.descendants(victim)
+            ):
+                os.kill(victim, signal.SIGKILL)
+                go.touch()
+            time.sleep(0.01)
+
+    killer = threading.Thread(target=kill)
     killer.start()
     found = engine.run("evaluate", jobs)
+    go.touch()
     killer.join()
     assert [one.values for one in found] == expected
     assert any("is gone; births that it had are done again" in text for text in told)
-    assert within(10, lambda: not any(map(alive, family)))
+    assert within(60, lambda: not any(map(alive, family)))
     # the loop starts another, which takes part
-    assert within(30, lambda: engine._link.sites().__len__() == 2)
+    assert within(120, lambda: len(engine._link.sites()) == 2)
     engine.run("evaluate", jobs)
     assert engine.size == 2
 
@@ -465,7 +490,7 @@ def test_an_address_where_nobody_answers_is_told_in_time(cluster, monkeypatch):
     began = time.monotonic()
     with pytest.raises(RunError, match=r"no Dask scheduler answers at tcp://127.0.0.1:9 "):
         cluster("tcp://127.0.0.1:9")
-    assert time.monotonic() - began < 10
+    assert time.monotonic() - began < 60  # and not as long as `clusters.PATIENCE`
 
 
 def test_a_cluster_without_workers_is_told_in_time(cluster, tmp_path, monkeypatch, told):
@@ -575,7 +600,7 @@ def test_an_idle_host_ends_its_workers(setup_of, genome, monkeypatch):
     jobs = [bytes(write_frame(job)) for job in named(genome, *calm(6))]
     first = host.run("evaluate", jobs)
     assert [one.status for one in first.outcomes] == ["ok"] * 6
-    assert within(10, lambda: not host._pools)
+    assert within(60, lambda: not host._pools)
     assert [one.values for one in host.run("evaluate", jobs).outcomes] == [
         one.values for one in first.outcomes
     ]
@@ -599,7 +624,7 @@ def test_a_host_that_can_have_no_worker_says_so(setup_of, genome, monkeypatch):
             target=lambda: answers.append(host.run("evaluate", jobs)), daemon=True
         )
         asking.start()
-        asking.join(60)
+        asking.join(120)
     assert ["Too many open files" in one.failed for one in answers] == [True, True]
     assert host._sitting == 0
     host.close()
@@ -615,4 +640,4 @@ def test_a_host_that_is_closed_ends_what_hangs(setup_of, genome):
     began = time.monotonic()
     with pytest.raises(host_module.HostClosed):
         host.run("evaluate", jobs)
-    assert time.monotonic() - began < 30
+    assert time.monotonic() - began < 120  # and not as long as a birth may take

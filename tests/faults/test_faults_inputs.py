@@ -58,7 +58,7 @@ def told(files, tmp_path_factory):
             for path in paths
             if kind != "report"
         ],
-        "damaged": fuzzed(files, folder, 300, seed=1),
+        "damaged": fuzzed(files, folder, 200, seed=1),
         "bombs": bombs(folder / "bombs", files, long=False),
     }
     found = iter(outcomes([job for several in jobs.values() for job in several], folder / "work"))

@@ -224,8 +224,8 @@ def test_a_night_keeps_what_it_promises(
     state, cut = night.status(), night.whole()
     assert (state["running"], state["finished"], state["stopped"]) == (False, False, KILLED)
     assert state["generation"] == cut - 1 < generations
-    until(lambda: not any(map(alive, family)), 30)
-    until(lambda: not list(night.temporary.iterdir()), 30)
+    until(lambda: not any(map(alive, family)), 120)
+    until(lambda: not list(night.temporary.iterdir()), 120)
 
     # gone on with, until seven o'clock
     monkeypatch.setenv("PAUSE", "0.05")
@@ -287,7 +287,7 @@ def test_a_night_keeps_what_it_promises(
     kinds = [one["event"] for one in RunLog(night.out).events()]
     ends = [one for one in kinds if one in ("start", "stop", "resume", "finish")]
     assert ends == ["start", "stop", "resume", "stop", "resume", "finish"]
-    until(lambda: not [one for one in below() if one not in before], 30)
-    assert not list(night.temporary.iterdir())
+    until(lambda: not [one for one in below() if one not in before], 120)
+    until(lambda: not list(night.temporary.iterdir()), 120)
     assert not list(night.out.rglob(".*"))
     assert len([*night.out.rglob("*")]) < 2 * (generations % 64 + generations // 64) + 40

@@ -25,7 +25,7 @@ def alive(pid: int) -> bool:
     return linux_processes._stat(pid)[:1] not in ([], [b"Z"])
 
 
-def gone(pid: int, seconds: float = 5.0) -> bool:
+def gone(pid: int, seconds: float = 60.0) -> bool:
     """Whether a process ends within so many seconds."""
     until = time.monotonic() + seconds
     while alive(pid):
@@ -56,7 +56,7 @@ def child_of_killed(start) -> int:
     if parent == 0:
         try:
             os.write(write, b"%d" % start())
-            time.sleep(60)
+            time.sleep(600)
         finally:
             os._exit(1)
     os.close(write)
@@ -69,7 +69,7 @@ def child_of_killed(start) -> int:
 
 def test_a_tied_program_ends_with_the_process_that_starts_it():
     def start() -> int:
-        program = tie_to_parent("import time; time.sleep(60)")
+        program = tie_to_parent("import time; time.sleep(600)")
         return subprocess.Popen([sys.executable, "-I", "-S", "-c", program]).pid
 
     assert gone(child_of_killed(start))
@@ -77,7 +77,7 @@ def test_a_tied_program_ends_with_the_process_that_starts_it():
 
 def test_a_job_of_the_desk_ends_with_a_killed_studio():
     def start() -> int:
-        return subprocess.Popen(python_command("import time; time.sleep(60)", tied=True)).pid
+        return subprocess.Popen(python_command("import time; time.sleep(600)", tied=True)).pid
 
     assert gone(child_of_killed(start))
 
@@ -120,7 +120,7 @@ def test_a_nursery_outlives_the_thread_that_asked_for_it(cold, setup):
     assert nursery.is_running()
     began = time.monotonic()
     nursery.end()
-    assert time.monotonic() - began < 2
+    assert time.monotonic() - began < 8  # and not as long as one that is warm would have
     assert not alive(nursery.pid)
 
 
@@ -147,9 +147,9 @@ def test_an_end_waits_for_no_nursery_that_warms_up(cold, setup, how):
     began = time.monotonic()
     end()
     if how == "cancel":
-        thread.join(5)
+        thread.join(60)
         assert raised
-    assert time.monotonic() - began < 2
+    assert time.monotonic() - began < 8
     assert not alive(nursery.pid)
     workers.close()
 

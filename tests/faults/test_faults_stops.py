@@ -30,7 +30,7 @@ def begun(folder, workers, **settings):
     recipe = write_toy(folder, generations=400, workers=workers, **settings)
     words = [sys.executable, "-c", _HEARS_ALL, "run", str(recipe), "--out", str(folder / "run")]
     run = subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    until = time.monotonic() + 120
+    until = time.monotonic() + 240
     while not (folder / "run" / "membership" / "generation-00000001.parquet").exists():
         assert run.poll() is None, run.stderr.read()
         assert time.monotonic() < until
@@ -41,8 +41,8 @@ def begun(folder, workers, **settings):
 def stopped_by(run, number: int, code: int, folder) -> None:
     """Send a signal: the run ends with ``code``, tells it, and leaves an event."""
     run.send_signal(number)
-    _, told = run.communicate(timeout=60)
-    assert run.returncode == code
+    _, told = run.communicate(timeout=120)
+    assert run.returncode == code, told
     assert "Go on with: evocity resume" in told
     assert "Traceback" not in told
     last = [one for one in RunLog(folder).events() if one["event"] == "stop"][-1]

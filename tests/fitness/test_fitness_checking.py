@@ -3,6 +3,7 @@
 import functools
 import linecache
 import math
+import re
 import sys
 import textwrap
 import threading
@@ -462,7 +463,7 @@ def test_a_loop_given_up_is_ended(measure):
 def test_what_is_given_up_waiting_does_not_stop_the_next(measure):
     observe(measure("import time\ntime.sleep(30)"), Case(TOWNS[0]), 0.05)
     call = observe(measure("return 1j"), Case(TOWNS[0]), 5.0)
-    assert call.seconds < 1
+    assert call.seconds < 20
     assert call.line == FIRST + 1
 
 
@@ -471,7 +472,7 @@ def test_only_the_second_call_hangs(measure):
         "import time\nseen.append(1)\ntime.sleep(30 * (len(seen) == 2))\nreturn 1.0",
         extras=", seen=[]",
     )
-    report = check(tried, TOWNS, timeout=0.2)
+    report = check(tried, TOWNS, timeout=1.0)  # the first call takes as good as nothing
     assert report.given_up
     assert found(report, "time").line == FIRST + 3
     assert [trial.value for trial in report.trials] == [1.0]
@@ -486,7 +487,7 @@ def test_a_slow_call_is_a_warning(measure, monkeypatch):
     assert report.usable
     assert not report.given_up
     assert one.kind == "warning"
-    assert "took 0.0 s on town-2" in one.found
+    assert re.search(r"took \d+\.\d s on town-", one.found)
 
 
 def test_trying_leaves_the_process_as_it_was(measure):
@@ -504,7 +505,7 @@ def test_a_call_tells_value_and_time(measure):
     tried = measure("import time\ntime.sleep(0.02)\nreturn city.heights.max()")
     call = observe(tried, Case(TOWNS[0]), 5.0)
     assert call.value == tried(TOWNS[0])
-    assert 0.02 <= call.seconds < 2
+    assert 0.02 <= call.seconds < 60
     assert call.error is call.line is call.printed is call.warned is call.peak is None
 
 
@@ -528,14 +529,18 @@ def test_shared_views_are_not_paid_twice(measure):
 
 def test_a_function_of_several_numbers_is_timed_each_time(measure):
     several = measure(
-        'import time\ntime.sleep(0.01)\nreturn {"low": 1.0, "high": 2.0}',
+        'import time\ncalls.append(1)\ntime.sleep(0.01)\nreturn {"low": 1.0, "high": 2.0}',
         options='numbers=("low", "high")',
+        extras=", calls=[]",
     )
+    (calls,) = several.function.__defaults__
     found = cost(several, Case(TOWNS[0]), repeats=3)
     assert min(found.alone.least, found.shared.least) >= 0.01
     both = [evocity.fitness.get(f"tried.{number}") for number in ("low", "high")]
+    calls.clear()
     together = cost_together(both, Case(TOWNS[0]), repeats=3)
-    assert 0.01 <= together.least < 0.02
+    assert together.least >= 0.01
+    assert len(calls) == 4  # one for both numbers, a time, and one that does not count
 
 
 def test_costs_stand_on_the_measures_errors(measure):

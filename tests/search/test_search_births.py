@@ -44,7 +44,7 @@ def test_one_job_a_birth_or_two_the_births_are_the_same(toy, tmp_path, workers):
 
 @pytest.mark.slow
 def test_whoever_hangs_or_dies_the_births_are_the_same(toy, tmp_path):
-    recipe = toy(FAILING, population=24, generations=1, timeout=4.0, max_failures=0.9, workers=2)
+    recipe = toy(FAILING, population=16, generations=1, timeout=4.0, max_failures=0.9, workers=2)
     run(recipe, tmp_path / "one")
     in_two_steps(recipe, tmp_path / "two", None)
     one, two = rows(tmp_path / "one"), rows(tmp_path / "two")

@@ -61,11 +61,20 @@ def told(folder: Path) -> list[list[str]]:
 # -- what is told --------------------------------------------------------------------------------
 
 
-def test_what_got_better_and_the_end_are_told(telling, tmp_path):
+def test_what_got_better_and_the_end_are_told(telling, tmp_path, monkeypatch):
     out = tmp_path / "run"
+    runners, init = [], CommandRunner.__init__
+    monkeypatch.setattr(
+        CommandRunner,
+        "__init__",
+        lambda self, *given: (runners.append(self), init(self, *given))[1],
+    )
+    until = time.monotonic() + 120
     with Search(read_recipe(telling(), generations=6), out=out, workers=0) as search:
-        for _ in search:
-            time.sleep(0.3)  # so that each command has ended before the next generation has
+        for _ in search:  # each command has ended before the next generation has
+            while any(one._thread is not None for one in runners):
+                assert time.monotonic() < until
+                time.sleep(0.02)
     history = RunLog(out).history()
     volumes = [one["hypervolume"] for one in history]
     better = [k for k in range(1, 7) if volumes[k] > max(volumes[:k])]
@@ -187,7 +196,7 @@ def test_commands_follow_each_other_and_the_last_alone_waits(tmp_path):
         "import os, sys, time\nopen('log', 'a').write(f'{sys.argv[1]}+')\n"
         "while not os.path.exists('go'): time.sleep(.02)\nopen('log', 'a').write('-')"
     )
-    runner, until = CommandRunner(60.0), time.monotonic() + 60
+    runner, until = CommandRunner(240.0), time.monotonic() + 240
     for number in range(5):
         runner.start(errand([PYTHON, "-c", script, str(number)], tmp_path))  # waits for none
         while not (tmp_path / "log").exists() and time.monotonic() < until:
@@ -202,21 +211,16 @@ def test_commands_follow_each_other_and_the_last_alone_waits(tmp_path):
 
 def test_a_command_has_a_deadline_and_leaves_nothing(tmp_path):
     psutil = pytest.importorskip("psutil")
-    script = (
-        "import subprocess, sys, time; p = subprocess.Popen(['sleep', '600']);"
-        "open('pid', 'w').write(str(p.pid)); time.sleep(float(sys.argv[1]))"
-    )
+    script = "sleep 600 & echo $! > new; mv new pid; sleep $0"  # begins at once, on any machine
     for seconds, code in ((600, None), (0, 0)):
-        runner = CommandRunner(2.0)
-        begun = time.monotonic()
-        runner.start(errand([PYTHON, "-c", script, str(seconds)], tmp_path))
-        runner.close(30.0)
-        assert time.monotonic() - begun < 15
+        runner = CommandRunner(2.0 if code is None else 120.0)
+        runner.start(errand(["sh", "-c", script, str(seconds)], tmp_path))
+        runner.close(240.0)
         (ended,) = runner.take_results()
         assert ended["code"] == code
         assert ended.get("reason") == ("it took more than 2 s" if code is None else None)
         pid = int((tmp_path / "pid").read_text())
-        until = time.monotonic() + 10
+        until = time.monotonic() + 60
         while psutil.pid_exists(pid) and psutil.Process(pid).status() != "zombie":
             assert time.monotonic() < until
             time.sleep(0.02)
@@ -231,16 +235,16 @@ def test_a_child_with_a_process_group_of_its_own_ends_but_one_with_a_session_sta
         "        detach()\n"
         "        open(detach.__name__, 'w').write(str(os.getpid()))\n"
         "        for low in range(3): os.close(low)\n"
-        "        time.sleep(60)\n"
+        "        time.sleep(600)\n"
         "while not all(map(os.path.exists, ('setpgrp', 'setsid'))): time.sleep(.01)"
     )
-    runner = CommandRunner(30.0)
+    runner = CommandRunner(240.0)
     runner.start(errand([PYTHON, "-I", "-S", "-c", script], tmp_path))
-    runner.close(30.0)
+    runner.close(240.0)
     (ended,) = runner.take_results()
     assert ended["code"] == 0
     group, session = (int((tmp_path / name).read_text()) for name in ("setpgrp", "setsid"))
-    until = time.monotonic() + 5
+    until = time.monotonic() + 60
     while linux_processes._stat(group)[:1] not in ([], [b"Z"]):
         assert time.monotonic() < until
         time.sleep(0.01)
@@ -256,7 +260,7 @@ def test_a_search_that_ends_does_not_wait_for_long(tmp_path, monkeypatch):
     runner.start(errand([PYTHON, "-c", "open('never', 'w')"], tmp_path))
     begun = time.monotonic()
     runner.close(0.3)
-    assert time.monotonic() - begun < 5
+    assert time.monotonic() - begun < 60
     (ended,) = runner.take_results()
     assert (ended["code"], ended["reason"]) == (None, "the search had ended")
     assert not (tmp_path / "never").exists()
@@ -264,9 +268,9 @@ def test_a_search_that_ends_does_not_wait_for_long(tmp_path, monkeypatch):
 
 def test_endless_output_is_cut(tmp_path):
     script = "import sys\nfor _ in range(2000): sys.stdout.write('\\033[31mx' * 1000)"
-    runner = CommandRunner(30.0)
+    runner = CommandRunner(240.0)
     runner.start(errand([PYTHON, "-c", script], tmp_path))
-    runner.close(30.0)
+    runner.close(240.0)
     (ended,) = runner.take_results()
     assert ended["code"] == 0
     assert 100 < len(ended["output"].encode()) <= 1000
@@ -291,8 +295,9 @@ def test_a_command_that_fails_is_an_event_and_no_more(telling, tmp_path, command
     assert RunLog(out).status()["finished"]
 
 
-def test_a_command_is_not_waited_for_by_a_generation(telling, tmp_path):
-    lines = '[notify]\non_improvement = "sleep 30"\ntimeout = 40\n'
+def test_a_command_is_not_waited_for_by_a_generation(telling, tmp_path, monkeypatch):
+    monkeypatch.setattr("evocity.search.steering.notification._PATIENCE", 0.5)
+    lines = '[notify]\non_improvement = "sleep 600"\ntimeout = 700\n'
     recipe = read_recipe(telling(lines), generations=8)
 
     seen = []
@@ -304,8 +309,8 @@ def test_a_command_is_not_waited_for_by_a_generation(telling, tmp_path):
     begun = time.monotonic()
     with Search(recipe, out=tmp_path / "run", workers=0, observers=[Times()]) as search:
         list(search)
-    assert seen[-1] - begun < 25
-    assert time.monotonic() - seen[-1] < 20
+    assert seen[-1] - begun < 250
+    assert time.monotonic() - seen[-1] < 250
     (event,) = notified(tmp_path / "run")
     assert event["reason"] == "the search had ended"
 

@@ -69,20 +69,26 @@ def test_another_seed_is_another_run(toy, tmp_path):
     [[(1, 0.15)], pytest.param([(0, 0.0), (1, 0.3), (2, 0.2)], marks=pytest.mark.long)],
 )
 def test_a_killed_run_resumes_to_the_same_rows(toy, tmp_path, points):
+    # births of the last generation wait as long as the file is there: a kill comes before the end
+    wait = tmp_path / "wait"
     recipe = toy(
-        "@evocity.fitness(goal='max')\ndef slow(city):\n    time.sleep(0.05)\n    return 1.0\n",
+        "CALLS = []\n@evocity.fitness(goal='max')\ndef slow(city):\n"
+        f"    CALLS.append(1)\n    while len(CALLS) > 4 * 8 and os.path.exists({str(wait)!r}):\n"
+        "        time.sleep(0.01)\n    time.sleep(0.02)\n    return 1.0\n",
         generations=4,
     )
     run(recipe, tmp_path / "whole", workers=0)
     expected = rows(tmp_path / "whole")
     for index, (generation, delay) in enumerate(points):
         out = tmp_path / f"killed-{index}"
+        wait.touch()
         process = started(recipe, out)
         while process.stdout.readline().strip() != str(generation).encode():
             assert process.poll() is None, process.stderr.read().decode()
         time.sleep(delay)
         process.kill()
         process.communicate()
+        wait.unlink()
         assert len(RunLog(out).generations) < 5
         assert not RunLog(out).status()["finished"]
         with Search.resume(out, workers=index) as search:

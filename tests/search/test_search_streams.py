@@ -12,6 +12,7 @@ from codes import uniformly
 from evocity import fitness
 from evocity.evaluation import Here, Workers, linux_processes, worker_seat
 from evocity.evaluation.evaluator import Outcome, Setup
+from evocity.evaluation.kernel_warmup import DECODE
 from evocity.kinds import KINDS
 from evocity.search.breeding.birth_plans import BirthPlan
 from evocity.search.breeding.births import stream_offspring
@@ -47,7 +48,8 @@ def engine(tmp_path):
         path.write_text(MEASURE)
         fitness.load_file(path)
         header = SimpleNamespace(chromosome=KINDS["fabric"], measures=("named",), recorded=())
-        setup = Setup(header, (("named", str(path)),), sides=4)
+        # as searches do: else each worker would load the kernels by itself, in a birth's time
+        setup = Setup(header, (("named", str(path)),), sides=4, parts=(DECODE,))
         engines.append(Workers(setup, workers, timeout) if workers else Here(setup))
         return engines[-1]
 
@@ -116,9 +118,9 @@ def test_to_wait_for_nothing_is_told(engine, genome, workers):
 
 
 def test_outcomes_come_as_they_are_done_and_late_ones_cost_themselves_alone(engine, genome):
-    pool = engine(2, timeout=2.0)
+    pool = engine(2, timeout=4.0)
     pool.run("evaluate", [job(genome, 1)] * 2)  # workers start
-    names = ["sleep30", *range(1, 9)]
+    names = ["sleep600", *range(1, 9)]
     told = list(pool.stream("evaluate", iter([job(genome, name) for name in names])))
     assert [number for number, _ in told][-1] == 0
     assert told[-1][1].status == "timeout"
@@ -154,14 +156,14 @@ class Losing:
 @pytest.mark.skipif(not linux_processes.LINUX, reason="what Linux gives")
 @pytest.mark.parametrize("where", ["drawing", "telling", "waiting"])
 def test_time_in_which_all_stand_still_counts_for_no_deadline(engine, genome, where):
-    """As Ctrl-Z and fg do. Jobs of a quarter second have a whole one, and all stand still longer,
+    """As Ctrl-Z and fg do. Jobs of a quarter second have two, and all stand still longer,
     while a job is drawn, while the outcome of another is at hand, or while the pool waits."""
-    pool, me = engine(2, timeout=1.0), os.getpid()
+    pool, me = engine(2, timeout=2.0), os.getpid()
 
     def stand_still(after: float = 0.0) -> subprocess.Popen:
         workers = [seat.pid for seat in pool._seats.values()]
         all_of_us = " ".join(map(str, (me, *workers)))
-        words = f"sleep {after}; kill -STOP {all_of_us}; sleep 1.4; kill -CONT {all_of_us}"
+        words = f"sleep {after}; kill -STOP {all_of_us}; sleep 2.5; kill -CONT {all_of_us}"
         helper = subprocess.Popen(["sh", "-c", words])
         if not after:
             time.sleep(0.3)  # until stopped

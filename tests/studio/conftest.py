@@ -9,12 +9,21 @@ import pytest
 from asking import OLD, Client
 from served_scene import served_modules, studio
 
+from evocity.studio import server
 from evocity.studio.server import running_server
 
 
 @pytest.fixture(autouse=True, scope="session")
 def _cache_of_its_own(tmp_path_factory):
     with patch.dict(os.environ, {"XDG_CACHE_HOME": str(tmp_path_factory.mktemp("cache"))}):
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _patient_servers():
+    """On a busy machine a page's last requests take longer than the second that a server has at its
+    end; it would answer them with 500."""
+    with patch.object(server, "_PATIENCE", 60):
         yield
 
 

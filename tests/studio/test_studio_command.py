@@ -48,10 +48,10 @@ def test_it_prints_its_address_answers_and_ends_with_a_signal(night, kind, tmp_p
         told = json.loads(line)
         assert list(told) == ["url"]
         browser = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(CookieJar()))
-        with browser.open(told["url"], timeout=20) as answer:
+        with browser.open(told["url"], timeout=120) as answer:
             page = answer.read()
         assert (answer.status, page) == (200, page_files()["/"][1])
-        with browser.open(told["url"].partition("?")[0] + "api/0/births", timeout=20) as answer:
+        with browser.open(told["url"].partition("?")[0] + "api/0/births", timeout=120) as answer:
             assert answer.status == 200
         address = urllib.parse.urlsplit(told["url"])
         client = Client(SimpleNamespace(url=told["url"], port=address.port))
@@ -59,7 +59,7 @@ def test_it_prints_its_address_answers_and_ends_with_a_signal(night, kind, tmp_p
         bring(client, "own.geojson", footprints(tmp_path / "own.geojson", 1).read_bytes())
         assert list(tmp_path.glob("evocity-desk-*"))
         os.killpg(running.pid, getattr(signal, kind))
-        out, err = running.communicate(timeout=30)
+        out, err = running.communicate(timeout=120)
     assert out == ""  # one line was all
     assert "Traceback" not in err
     assert running.returncode == 128 + getattr(signal, kind)
@@ -100,14 +100,14 @@ def test_without_a_run_it_begins_at_the_desk_and_writes_nothing(tmp_path):
     ) as running:
         told = json.loads(running.stdout.readline())
         browser = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(CookieJar()))
-        browser.open(told["url"], timeout=20).close()
+        browser.open(told["url"], timeout=120).close()
         address = told["url"].partition("?")[0] + "api/desk"
-        with browser.open(address, timeout=20) as answer:
+        with browser.open(address, timeout=120) as answer:
             desk = json.loads(answer.read())
-        with browser.open(f"{address}-measures", timeout=20) as answer:
+        with browser.open(f"{address}-measures", timeout=120) as answer:
             assert "own" in [one["name"] for one in json.loads(answer.read())["measures"]]
         running.terminate()
-        out, err = running.communicate(timeout=30)
+        out, err = running.communicate(timeout=120)
     assert (out, "Traceback" in err) == ("", False)
     assert desk["home"] == str(tmp_path / "here" / "runs")
     assert list((tmp_path / "here").iterdir()) == []

@@ -135,7 +135,7 @@ def test_what_is_no_map_by_its_name_is_refused(client, name, said):
 
 def test_a_file_that_is_refused_by_its_name_is_heard_out(client):
     # else a browser that still sends it is cut off, and does not see the answer
-    connection = http.client.HTTPConnection("127.0.0.1", client.server.port, timeout=20)
+    connection = http.client.HTTPConnection("127.0.0.1", client.server.port, timeout=120)
     connection.putrequest("POST", f"{guard.FILE}?name=a.shp")
     said = [("Cookie", client.cookie), KIND, guard.HEADER, ("Content-Length", str(20 << 16))]
     for one in said:

@@ -236,8 +236,8 @@ def test_a_newer_job_replaces_the_one_before():
     assert slot.begin("first", work)["at"]
     first = slot.job
     slot.begin("second", lambda job: {"b": 2})
-    first.join(5)
-    slot.job.join(5)
+    first.join(60)
+    slot.job.join(60)
     assert ends == ["first"]
     assert first.result is None
     assert slot.begin("second", work)["ready"]

@@ -21,9 +21,16 @@ SMALL = {"window": {"pixels": 32, "metres_per_pixel": 4.0}}
 NORTH_UP = rasterio.Affine(2, 0, 842000, 0, -2, 6519128)
 
 
-@pytest.fixture
-def client(tmp_path):
-    with at_desk(tmp_path / "runs") as found:
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """The folder of the desk's runs."""
+    return tmp_path_factory.mktemp("desk") / "runs"
+
+
+@pytest.fixture(scope="module")
+def client(runs):
+    """One desk for all tests here: its process that reads maps has loaded what it needs."""
+    with at_desk(runs) as found:
         yield found
 
 
@@ -145,7 +152,7 @@ def test_columns_and_a_zip(client, rasters, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_recipe_with_the_ground_of_elevations(client, rasters, tmp_path):
+def test_a_recipe_with_the_ground_of_elevations(client, runs, rasters, tmp_path):
     other = raster(tmp_path / "other.tif", town(2))
     surface, ground, second = (
         bring(client, path.name, path.read_bytes()).json["map"] for path in (*rasters, other)
@@ -159,7 +166,7 @@ def test_a_recipe_with_the_ground_of_elevations(client, rasters, tmp_path):
     assert parent["terrain"] == f"map-{ground}.tif"
     assert parent["nodata"] == -9999
     started = client.post("/api/desk-begin", {}).json["started"][-1]
-    recipe = tmp_path / "runs" / started["recipe"]
+    recipe = runs / started["recipe"]
     assert (recipe.parent / parent["terrain"]).read_bytes() == rasters[1].read_bytes()
     wait(client, lambda one: one["started"][-1].get("has") or one["started"][-1].get("ended"))
 

@@ -38,7 +38,7 @@ def commands() -> list[bytes]:
     return found
 
 
-def until(condition, seconds: float = 20.0) -> None:
+def until(condition, seconds: float = 120.0) -> None:
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end
@@ -86,7 +86,7 @@ def test_without_a_temporary_folder_no_browser_opens(addresses, monkeypatch, tmp
 def test_the_token_stands_on_no_command_line(night, tmp_path):
     told = tmp_path / "told"
     program = tmp_path / "browser"
-    program.write_text(f'#!/bin/sh\necho "$@" > {told}.new; mv {told}.new {told}; sleep 60\n')
+    program.write_text(f'#!/bin/sh\necho "$@" > {told}.new; mv {told}.new {told}; sleep 600\n')
     program.chmod(0o755)
     words = [sys.executable, "-m", "evocity", "studio", str(night), "--json"]
     environment = {**os.environ, "TMPDIR": str(tmp_path), "BROWSER": f"{program} %s"}
@@ -110,7 +110,7 @@ def test_the_token_stands_on_no_command_line(night, tmp_path):
         for pid in linux_processes.descendants(running.pid):
             os.kill(pid, signal.SIGKILL)
         running.send_signal(signal.SIGTERM)
-        running.wait(20)
+        running.wait(120)
     assert not path.parent.exists()
 
 
@@ -176,7 +176,7 @@ def test_a_thousand_idle_connections_keep_no_user_out(night, many_files, said):
     with running_server(night) as server, contextlib.ExitStack() as stack:
         client = Client(server)
         client.open()
-        kept = http.client.HTTPConnection(HOST, server.port, timeout=20)
+        kept = http.client.HTTPConnection(HOST, server.port, timeout=120)
         stack.callback(kept.close)
 
         def ask_again() -> None:
@@ -188,7 +188,7 @@ def test_a_thousand_idle_connections_keep_no_user_out(night, many_files, said):
         ask_again()
         idle = []
         for number in range(1000):
-            connection = stack.enter_context(socket.create_connection((HOST, server.port), 20))
+            connection = stack.enter_context(socket.create_connection((HOST, server.port), 120))
             if said:
                 with contextlib.suppress(OSError):
                     connection.sendall(said)
@@ -263,6 +263,6 @@ def test_ctrl_c_just_after_a_brood_began_ends_all_at_once(night, tmp_path, secon
         family = linux_processes.descendants(running.pid)
         began = time.monotonic()
         running.send_signal(signal.SIGINT)
-        assert running.wait(20) == 130
-        assert time.monotonic() - began < 5  # 0.8 s on a machine with nothing else to do
-    until(lambda: all(linux_processes._stat(one)[:1] in ([], [b"Z"]) for one in family), 5.0)
+        assert running.wait(120) == 130
+        assert time.monotonic() - began < 20  # 0.8 s on a machine with nothing else to do
+    until(lambda: all(linux_processes._stat(one)[:1] in ([], [b"Z"]) for one in family), 20.0)

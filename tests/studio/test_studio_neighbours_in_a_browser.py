@@ -22,7 +22,7 @@ def test_the_file_leads_to_the_page_which_loads_again(browser, night, monkeypatc
     addresses, told = [], threading.Event()
     monkeypatch.setattr(webbrowser, "open", lambda url: (addresses.append(url), told.set()))
     with running_server(night) as server, opened_browser(server.url, server.opened):
-        assert told.wait(20)
+        assert told.wait(120)
         page, refused = browser.new_page(), []
         page.on("response", lambda one: refused.append(one.url) if one.status >= 400 else None)
         page.goto(addresses[0])
@@ -34,7 +34,7 @@ def test_the_file_leads_to_the_page_which_loads_again(browser, night, monkeypatc
         assert refused == []
         assert server.opened.is_set()
         page.close()
-        until = time.monotonic() + 10
+        until = time.monotonic() + 120
         while Path(addresses[0].removeprefix("file://")).exists():  # it has done its work
             assert time.monotonic() < until
             time.sleep(0.01)

@@ -140,7 +140,7 @@ def test_three_views_of_a_file_each_are_in_all_faces(installed, browser, tmp_pat
 
 
 def until(is_true) -> None:
-    end = time.monotonic() + 20
+    end = time.monotonic() + 120
     while not is_true():
         assert time.monotonic() < end
         time.sleep(0.05)

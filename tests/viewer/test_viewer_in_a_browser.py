@@ -122,7 +122,7 @@ def opened(kept):
 
 def until(page, condition: str) -> None:
     """Wait for a condition: under this policy the page evaluates no text by itself."""
-    end = time.monotonic() + 20
+    end = time.monotonic() + 120
     while not page.evaluate(f"() => Boolean({condition})"):
         assert time.monotonic() < end, condition
         time.sleep(0.02)

@@ -309,9 +309,9 @@ def test_yards_of_houses_that_slant_cost_no_more_than_their_table():
 
 def least_seconds(work):
     def taken():
-        start = time.perf_counter()
+        start = time.thread_time()
         work()
-        return time.perf_counter() - start
+        return time.thread_time() - start
 
     return min(taken() for _ in range(5))
 
