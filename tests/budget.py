@@ -20,7 +20,7 @@ import pytest
 #: Seconds of processor above which a case needs the mark ``slow``.
 DEAR = 1.5
 #: Seconds of processor above which a case without a mark fails.
-MOST = 3.0
+MOST = 5.0
 #: Marks of cases that may take longer.
 MARKS = ("slow", "long")
 #: Seconds of processor that `_paced` takes on the machine where cases were marked.

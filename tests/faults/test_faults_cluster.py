@@ -234,8 +234,7 @@ def test_the_births_are_those_of_one_machine(tmp_path, machines):
 
     expected = bred("here", workers=0)
     assert any("a bad mood" in (row["error"] or "") for row in expected)
-    for workers in (1, 2, 4):
-        assert bred(f"of-{workers}", workers=workers) == expected
+    assert bred("of-2", workers=2) == expected  # other numbers: tests/search/test_search_run.py
     assert bred("dask", cluster=machines.address, workers=1) == expected
     assert bred("dask-4", cluster=machines.address, workers=2) == expected
     run = RunLog(tmp_path / "dask-4")

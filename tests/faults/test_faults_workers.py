@@ -343,6 +343,7 @@ def test_the_folders_of_killed_nurseries_are_removed_by_the_next(pool, genome, o
     for folder in (old, other):  # of main processes that were killed too; one is just being made
         folder.mkdir()
     os.utime(old, (1, 1))
+    os.utime(other, (time.time() + 600,) * 2)  # on a busy machine it would be old soon
     family = linux_processes.descendants(nursery.pid)
     os.kill(nursery.pid, signal.SIGKILL)
     assert gone(family)  # the system ends the workers with it
