@@ -174,7 +174,8 @@ def test_who_reads_a_view_has_not_changed_it(measure, view):
         "    if not name.startswith('_'): getattr(one, name)\n"
         "return city.heights.mean()"
     )
-    assert [one.found for one in check(tried, TOWNS).findings] == []
+    report = check(tried, TOWNS, timeout=200.0)  # the first view may compile kernels
+    assert [one.found for one in report.findings] == []
 
 
 def test_of_a_measure_that_fails_it_is_not_told_that_it_is_undefined(measure):
@@ -462,7 +463,7 @@ def test_a_loop_given_up_is_ended(measure):
 
 def test_what_is_given_up_waiting_does_not_stop_the_next(measure):
     observe(measure("import time\ntime.sleep(30)"), Case(TOWNS[0]), 0.05)
-    call = observe(measure("return 1j"), Case(TOWNS[0]), 5.0)
+    call = observe(measure("return 1j"), Case(TOWNS[0]), 60.0)
     assert call.seconds < 20
     assert call.line == FIRST + 1
 
@@ -503,7 +504,7 @@ def test_trying_leaves_the_process_as_it_was(measure):
 
 def test_a_call_tells_value_and_time(measure):
     tried = measure("import time\ntime.sleep(0.02)\nreturn city.heights.max()")
-    call = observe(tried, Case(TOWNS[0]), 5.0)
+    call = observe(tried, Case(TOWNS[0]), 60.0)
     assert call.value == tried(TOWNS[0])
     assert 0.02 <= call.seconds < 60
     assert call.error is call.line is call.printed is call.warned is call.peak is None
@@ -511,7 +512,7 @@ def test_a_call_tells_value_and_time(measure):
 
 def test_only_the_first_line_printed_is_kept(measure):
     tried = measure("print()\nprint('one', end=' ')\nprint('two')\nprint('three')\nreturn 1.0")
-    assert observe(tried, Case(TOWNS[0]), 5.0).printed == (FIRST + 2, "one two")
+    assert observe(tried, Case(TOWNS[0]), 60.0).printed == (FIRST + 2, "one two")
 
 
 # -- cost ------------------------------------------------------------------------------------
@@ -533,7 +534,7 @@ def test_a_function_of_several_numbers_is_timed_each_time(measure):
         options='numbers=("low", "high")',
         extras=", calls=[]",
     )
-    (calls,) = several.function.__defaults__
+    (calls,) = several.function.__wrapped__.__defaults__
     found = cost(several, Case(TOWNS[0]), repeats=3)
     assert min(found.alone.least, found.shared.least) >= 0.01
     both = [evocity.fitness.get(f"tried.{number}") for number in ("low", "high")]

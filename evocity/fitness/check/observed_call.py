@@ -12,6 +12,7 @@ import tracemalloc
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, is_dataclass, replace
+from pathlib import Path
 from types import FrameType
 
 import numpy as np
@@ -197,13 +198,24 @@ def _stop(thread: threading.Thread, measure: Measure) -> int:
 
 
 def _is_busy(thread: threading.Thread) -> bool:
-    """Check whether the ``thread`` computes; False where the system does not show it."""
+    """Check whether the ``thread`` computes, or would if it had a core; False where the system does
+    not show it."""
     if not hasattr(time, "pthread_getcpuclockid"):
         return False
     clock = time.pthread_getcpuclockid(thread.ident)
     before = time.clock_gettime(clock)
     thread.join(0.05)
-    return thread.is_alive() and time.clock_gettime(clock) - before > 0.01
+    return thread.is_alive() and (
+        time.clock_gettime(clock) - before > 0.01 or _is_runnable(thread.native_id)
+    )
+
+
+def _is_runnable(thread: int | None) -> bool:
+    """Check whether Linux would run a ``thread`` now, which may wait for a core."""
+    with contextlib.suppress(OSError):
+        state = Path(f"/proc/self/task/{thread}/stat").read_text().rpartition(")")[2].split()
+        return state[:1] == ["R"]
+    return False
 
 
 def _line_in(file: str, frame: FrameType | None) -> int | None:
