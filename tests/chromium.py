@@ -2,7 +2,7 @@
 
 import contextlib
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 #: WebGL without a graphics card; pages are put together without it too, which is faster then.
 WITHOUT_CARD = (
@@ -25,4 +25,17 @@ def started() -> Iterator:
     with sync_playwright() as playwright:
         found = playwright.chromium.launch(executable_path=BROWSER, args=words)
         with contextlib.closing(found):
+            for name in ("new_context", "new_page"):
+                setattr(found, name, _patient(getattr(found, name)))
             yield found
+
+
+def _patient(make: Callable) -> Callable:
+    """``make`` a context or page that waits for a busy machine, four times as long as usual."""
+
+    def made(*given, **how):
+        one = make(*given, **how)
+        one.set_default_timeout(120_000)
+        return one
+
+    return made

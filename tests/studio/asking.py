@@ -55,7 +55,7 @@ class Client:
 
     def ask(self, method: str, path: str, headers=(), body: bytes = b"", host=None) -> Told:
         """``headers``: pairs; ``host``: another than its own, or several."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=20)
+        connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=120)
         connection.putrequest(method, path, skip_host=True, skip_accept_encoding=True)
         hosts = [self.origin.removeprefix("http://")] if host is None else host
         pairs = [("Host", one) for one in hosts] + list(headers)
