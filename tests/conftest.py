@@ -36,7 +36,10 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 #: How names of files end whose tests use the browser of the process.
 IN_A_BROWSER = ("test_axonometry", "test_stroll", "test_walk", "_in_a_browser")
 #: Files with long tests: the other processes would wait for the process that began them last.
-FIRST = ("test_growth.py", "test_notebooks.py", "test_docs.py", "test_faults_night.py")
+FIRST = (
+    *("test_typed_surface.py", "test_growth.py", "test_notebooks.py", "test_docs.py"),
+    *("test_faults_night.py", "test_faults_workers.py", "test_faults_inputs.py"),
+)
 
 
 def pytest_ignore_collect(collection_path, config):

@@ -393,14 +393,15 @@ def test_a_dask_worker_that_is_killed_costs_nothing(cluster, machines, genome, t
     for one in notes.iterdir():
         one.unlink()
 
+    def has_a_birth() -> bool:
+        below = set(linux_processes.descendants(victim))
+        return go.exists() or not below.isdisjoint(int(one.name) for one in notes.iterdir())
+
     def kill():
-        while not go.exists():
-            if {int(one.name) for one in notes.iterdir()} & set(
-                linux_processes.descendants(victim)
-            ):
-                os.kill(victim, signal.SIGKILL)
-                go.touch()
-            time.sleep(0.01)
+        if within(120, has_a_birth):
+            os.kill(victim, signal.SIGKILL)
+            within(120, lambda: any("is gone" in text for text in told))
+        go.touch()
 
     killer = threading.Thread(target=kill)
     killer.start()
