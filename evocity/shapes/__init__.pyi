@@ -4,6 +4,7 @@ from .colours import coloured_as as coloured_as
 from .colours import palette as palette
 from .colours import palette_of as palette_of
 from .colours import stolen as stolen
+from .colours import tinted as tinted
 from .contraction import Contraction as Contraction
 from .curve import Curve as Curve
 from .curve_fit import fit_curve as fit_curve

@@ -11,7 +11,13 @@ from numpy.typing import ArrayLike
 from PIL import Image
 
 from evocity.shapes._kernels import DEEPEST
-from evocity.shapes.checks import array_like, check_range, corners, finite_language_error
+from evocity.shapes.checks import (
+    array_like,
+    check_range,
+    colours_of,
+    corners,
+    finite_language_error,
+)
 from evocity.shapes.languages import ShapeError
 from evocity.shapes.rendering import Frame
 from evocity.shapes.shape import MOST_PIECES, Shape, walk
@@ -56,6 +62,24 @@ def coloured_as(shape: Shape, other: Shape) -> Shape:
             "make this shape with the parameter 'colours'",
         )
     return replace(shape, colours=other.colours, mix=other.mix)
+
+
+def tinted(shape: Shape, colour: ArrayLike, depth: int) -> Shape:
+    """Change the colours of a ``shape`` so that each mixture of ``depth`` maps begins with
+    ``colour``: red, green and blue, 0…1 (Tosan, Excoffier, Rondet-Mignotte 2005, §5.1).
+
+    A piece at this depth has the colour T̃_α c of the initial colour c, instead of the centre of
+    T̃_α. The share of the initial colour is ``mix`` to the power ``depth``, so it vanishes in
+    pictures without a depth. Raises `ShapeError` for a shape without colours or an invalid colour.
+    """
+    if shape.colours is None:
+        raise ShapeError(
+            "the shape has no colours", "a shape with colours", "make it with 'colours'"
+        )
+    initial = colours_of([colour], 1)
+    check_range("depth", depth, 0, DEEPEST, whole=True)
+    share = float(shape.mix) ** depth
+    return replace(shape, colours=(1 - share) * shape.colours + share * initial)
 
 
 def stolen(

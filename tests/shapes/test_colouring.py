@@ -19,6 +19,7 @@ from evocity.shapes import (
     palette_of,
     picture_of,
     stolen,
+    tinted,
 )
 
 RNG = np.random.default_rng(3)
@@ -45,6 +46,19 @@ def test_colours_are_carried_to_other_forms_by_their_addresses():
     other = coloured_as(replace(known("koch"), primitive="square"), one)
     np.testing.assert_array_equal(other.pieces(4).colours, one.pieces(4).colours)
     np.testing.assert_array_equal(other.pieces(4).maps, known("koch").pieces(4).maps)
+
+
+@pytest.mark.parametrize(("mix", "depth"), [(0.5, 4), (0.3, 3), (0.9, 5), (0.5, 0)])
+def test_mixtures_begin_with_the_initial_colour(mix, depth):
+    """Against T̃_α1 … T̃_αn c, one homothety after the other (Tosan 2005 §5.1)."""
+    own, initial = RNG.random((4, 3)), np.array([0.9, 0.1, 0.4])
+    shape = replace(QUARTERS, colours=own, mix=mix)
+    found = tinted(shape, initial, depth).pieces(depth).colours
+    for word, colour in zip(shape.words(depth), found, strict=True):
+        expected = initial
+        for letter in reversed(word):
+            expected = own[letter] + mix * (expected - own[letter])
+        np.testing.assert_allclose(colour, expected, atol=1e-12)
 
 
 def test_a_picture_stolen_by_its_own_addresses_is_the_picture():
@@ -115,6 +129,9 @@ def test_mirrored_pieces_are_seen_from_outside():
         (lambda: palette(np.full((2, 2, 3), 1.5)), "numbers from 0 to 1"),
         (lambda: palette_of(PICTURE, 17), "side = 17"),
         (lambda: coloured_as(QUARTERS, known("koch")), "has no colours"),
+        (lambda: tinted(QUARTERS, (0, 0, 0), 2), "has no colours"),
+        (lambda: tinted(palette(np.zeros((2, 2, 3))), (0, 0, 2), 2), "numbers from 0 to 1"),
+        (lambda: tinted(palette(np.zeros((2, 2, 3))), (0, 0, 1), 64), "depth = 64"),
         (lambda: coloured_as(known("carpet"), palette(np.zeros((2, 2, 3)))), "of 8 affine maps"),
         (lambda: stolen(known("menger"), QUARTERS, PICTURE), "is not two-dimensional"),
         (lambda: stolen(known("carpet"), QUARTERS, PICTURE), "the source shape has 4 affine maps"),
