@@ -30,10 +30,10 @@ SMALLEST = 32.0
 class PavementFusion(Drafting):
     """Fuse two or more parents by square macro-blocks (Marsault 2002 §4.4, 2005 §2.3).
 
-    The parent with the largest share, or the parent ``base``, fills the whole map at first. All
-    other parents inject macro-blocks in turn, each until it reaches its share. After each
-    round of all parents, macro-blocks become one cell smaller, down to ``side_min``, and the margin
-    shrinks by a fifth. A macro-block is admissible if it fits the child's map after all earlier
+    The parent with the largest share, or the parent ``base``, fills the whole map at first. The
+    parents then inject macro-blocks in turn, each until it reaches its share. At each change of
+    parent, macro-blocks become one cell smaller, down to ``side_min``, and the margin shrinks by a
+    fifth. A macro-block is admissible if it fits the child's map after all earlier
     injections. A macro-block may differ along its outline from the child's map by at most
     ``tolerance`` metres on average.
 

@@ -50,7 +50,7 @@ class _GeneMoves(Drafting):
 
 @dataclass(frozen=True)
 class GeneCopy(_GeneMoves):
-    """Copy genes from one place of the genome to another (Marsault 2002 §4.1).
+    """Copy genes from one place of the genome to another (Marsault 2002 §4.2).
 
     Lifs are copied in square groups, so that a change is as large as a building. Genes do not
     change: a copied lifs reads the domain block that the original lifs reads.
@@ -132,7 +132,7 @@ class GeneExchange(_GeneMoves):
 
 @dataclass(frozen=True)
 class BlockExchange(Drafting):
-    """Exchange two macro-blocks of the same size, gene by gene (Marsault 2002 §4.1).
+    """Exchange two macro-blocks of the same size, gene by gene (Marsault 2002 §4.2).
 
     Two macro-blocks are admissible partners if they do not overlap, and if each macro-block fits
     the surroundings of its partner, as in `GeneCopy`. Genes do not change, so each lifs reads the
