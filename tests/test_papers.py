@@ -82,19 +82,27 @@ def imported(rest: list[str]) -> object | None:
     return module
 
 
-def options_of(command: click.Command) -> set[str]:
-    found = {"-h", "--help"}
+def options_of(command: click.Command) -> dict[str, click.Parameter | None]:
+    found: dict[str, click.Parameter | None] = {"-h": None, "--help": None}
     for parameter in command.params:
-        found |= {*parameter.opts, *parameter.secondary_opts}
+        found |= dict.fromkeys([*parameter.opts, *parameter.secondary_opts], parameter)
     return found
 
 
 def command_fault(words: list[str]) -> str | None:
+    """Say which option, or which value of an option, a command does not have."""
     for name, command in commands().items():
-        if tuple(words[: len(name)]) == name:
-            given = {word for word in words if word.startswith("-")}
-            unknown = given - options_of(command)
-            return f"no options {unknown}" if unknown else None
+        if tuple(words[: len(name)]) != name:
+            continue
+        options = options_of(command)
+        for word, value in zip(words, [*words[1:], "-"], strict=True):
+            if word.startswith("-") and word not in options:
+                return f"no option {word}"
+            parameter = options.get(word)
+            if isinstance(parameter, click.Option) and not value.startswith("-"):
+                with click.Context(command) as context:
+                    parameter.type.convert(value, parameter, context)
+        return None
     return "no such command"
 
 
@@ -117,7 +125,7 @@ def fault_of(span: str, row: list[str]) -> str | None:
     if span.startswith("evocity "):
         return command_fault(shlex.split(span)[1:])
     if span.startswith("-"):
-        every = set().union(*(options_of(command) for command in commands().values()))
+        every = {word for command in commands().values() for word in options_of(command)}
         unknown = {word for word in span.split() if word.startswith("-")} - every
         return f"no options {unknown}" if unknown else None
     if "/" in span:
