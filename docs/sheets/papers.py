@@ -24,6 +24,7 @@ from evocity.shapes import (
     Shape,
     coloured_as,
     known,
+    motif_picture,
     palette,
     picture_of,
     position_colours,
@@ -262,11 +263,13 @@ def compositions() -> Image.Image:
 
 def motifs() -> Image.Image:
     at = np.linspace(0, 2 * np.pi, 25)[:-1]
-    disc = Primitive.polygon(0.5 + 0.35 * np.column_stack([np.cos(at), np.sin(at)]))
+    disc = Primitive.polygon(0.5 + 0.45 * np.column_stack([np.cos(at), np.sin(at)]))
     three = [[[0.55, 0, x], [0, 0.55, y]] for x, y in ((0, 0), (0.45, 0), (0.22, 0.45))]
+    mixed = motif_picture(Shape(three, colours=SIX[:3]), [disc, "square", disc], 3, 2 * SIDE)
     row = [
         ("discs", drawn(Shape(three, disc, None, SIX[:3]), depth=3)),
         ("squares", drawn(Shape(three, "square", None, SIX[[3, 1, 2]]), depth=3)),
+        ("discs and squares", fitted(mixed)),
         ("blades", drawn(reeds(), depth=3)),
     ]
     return contact_sheet([row])

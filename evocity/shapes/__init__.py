@@ -8,6 +8,7 @@
 - `primitives`: points, lines and faces at each place
 - `dimension`: exact dimensions, and by counting boxes
 - `rendering`: masks, pictures, SVG, solids in GLB
+- `motifs`: pictures with a primitive for each map
 - `colours`: palettes for other forms, colours stolen from a picture
 - `joint_colours`: maps that mix places and colours
 - `deformation`: polynomial deformation of shapes

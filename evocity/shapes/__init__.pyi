@@ -29,6 +29,7 @@ from .languages import Language as Language
 from .languages import ShapeError as ShapeError
 from .lines import crossing_of as crossing_of
 from .lines import resampled as resampled
+from .motifs import motif_picture as motif_picture
 from .primitives import PRIMITIVES as PRIMITIVES
 from .primitives import Primitive as Primitive
 from .rendering import glb_of as glb_of

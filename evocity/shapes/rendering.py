@@ -107,12 +107,12 @@ def picture_of(
     gets the colour of the greatest word among all words that lead to this point (Barnsley 2005,
     *tops*). The parameters ``depth``, ``box`` and ``most`` are as in `mask_of`.
     """
-    _check_plane(shape)
+    check_plane(shape)
     frame = Frame.of(box_of(shape, depth) if box is None else np.asarray(box, float), side)
     if depth is not None:
         return _paint(shape.pieces(depth, most=most), frame)
     marks, paint = shape.laid(side, frame.scale, frame.offset)
-    pixels = np.full((side, side, 3), _PAPER, np.uint8)
+    pixels = paper(side)
     pixels[marks] = np.round(paint[marks] * 255) if paint.shape[2] else _INK
     return Image.fromarray(pixels)
 
@@ -135,15 +135,13 @@ def _paint(pieces: Pieces, frame: Frame) -> Image.Image:
     placed = frame.to_pixels(pieces.points)
     placed[..., 1] = frame.side - placed[..., 1]
     if len(primitive.faces):
-        pixels = np.full((frame.side, frame.side, 3), _PAPER, np.uint8)
-        fill_faces(
-            np.ascontiguousarray(placed), primitive.faces, np.ascontiguousarray(_colours(pieces)),
-            pixels,
-        )  # fmt: skip
+        pixels = paper(frame.side)
+        colours = np.ascontiguousarray(byte_colours(pieces))
+        fill_faces(np.ascontiguousarray(placed), primitive.faces, colours, pixels)
         return Image.fromarray(pixels)
     image = Image.new("RGB", (frame.side, frame.side), _PAPER)
     draw = ImageDraw.Draw(image)
-    for points, colour in zip(placed, map(tuple, _colours(pieces).tolist()), strict=True):
+    for points, colour in zip(placed, map(tuple, byte_colours(pieces).tolist()), strict=True):
         for start, end in primitive.lines:
             draw.line([tuple(points[start]), tuple(points[end])], fill=colour)
         if not len(primitive.lines):
@@ -151,10 +149,15 @@ def _paint(pieces: Pieces, frame: Frame) -> Image.Image:
     return image
 
 
+def paper(side: int) -> np.ndarray:
+    """Make an empty picture, uint8 ``(side, side, 3)``."""
+    return np.full((side, side, 3), _PAPER, np.uint8)
+
+
 def svg_of(shape: Shape, depth: int, side: int = 512, most: int = 10**5) -> str:
     """Draw a ``shape`` of the plane as SVG, with the pieces at the given ``depth``. Successive
     pieces of one colour share a path, and paths follow the order of the words."""
-    _check_plane(shape)
+    check_plane(shape)
     pieces = shape.pieces(depth, most=most)
     frame = Frame.of(box_of(shape, depth), side)
     placed = frame.to_pixels(pieces.points)
@@ -203,7 +206,7 @@ def _svg(side: int, paths: Sequence[str]) -> str:
 
 def _paths(placed: np.ndarray, pieces: Pieces) -> Iterator[tuple[str, str, bool]]:
     """Yield runs of pieces of a colour: path, colour, and whether it is filled."""
-    primitive, colours = pieces.primitive, _colours(pieces)
+    primitive, colours = pieces.primitive, byte_colours(pieces)
     changes = np.flatnonzero((colours[1:] != colours[:-1]).any(axis=1)) + 1
     for some in np.split(np.arange(len(pieces)), changes):
         if not len(some):
@@ -226,13 +229,15 @@ def _path(points: np.ndarray, closed: bool) -> str:
     return f"M{listed}{'Z' if closed else ''}"
 
 
-def _colours(pieces: Pieces) -> np.ndarray:
+def byte_colours(pieces: Pieces) -> np.ndarray:
+    """Return the colours of pieces, uint8 ``(n, 3)``: their own, or ink."""
     if not pieces.colours.shape[1]:
         return np.broadcast_to(np.array(_INK, np.uint8), (len(pieces), 3))
     return np.round(pieces.colours * 255).astype(np.uint8)
 
 
-def _check_plane(shape: Shape) -> None:
+def check_plane(shape: Shape) -> None:
+    """Raise `ShapeError` unless the shape lies in the plane."""
     if shape.size != 2:
         raise ShapeError(
             "the shape is not two-dimensional, so it has no picture",

@@ -9,15 +9,18 @@ import pytest
 import shapely
 
 from evocity.shapes import (
+    Primitive,
     Shape,
     ShapeError,
     glb_of,
     joint_picture,
     known,
+    motif_picture,
     picture_of,
     position_colours,
 )
 from evocity.shapes.joint_colours import joint_box
+from evocity.shapes.primitives import primitive_of
 from evocity.shapes.rendering import Frame
 
 RNG = np.random.default_rng(5)
@@ -141,6 +144,50 @@ def test_painted_pieces_equal_brute_force(depth, turn):
         truth[shapely.covers(shapely.Polygon(corners), middles)] = np.round(colour * 255)
     drawn = np.asarray(picture_of(shape, side, depth)).astype(int)
     assert (drawn == truth).all(axis=2).mean() >= 0.9995  # all but middles on an edge
+
+
+def test_each_map_has_its_motif_by_brute_force():
+    """Each pixel has the colour of the greatest word whose motif holds the pixel's middle."""
+    turns = 2 * np.pi * np.arange(24) / 24
+    disc = Primitive.polygon(0.5 + 0.4 * np.column_stack([np.cos(turns), np.sin(turns)]))
+    maps = [[[0.55, -0.1, x], [0.1, 0.55, y]] for x, y in ((0.1, 0), (0.45, 0.1), (0.2, 0.4))]
+    shape = Shape(maps, colours=COLOURS[:3])
+    motifs = [disc, "square", Primitive.polygon([(0, 0), (1, 0), (0.5, 1)])]
+    side, depth, corners = 61, 3, []
+    for word, matrix in zip(shape.words(depth), shape.pieces(depth).maps, strict=True):
+        motif = primitive_of(motifs[word[-1]])
+        corners.append(motif.points @ matrix[:, :2].T + matrix[:, 2])
+    every = np.vstack(corners)
+    frame = Frame.of(np.stack([every.min(axis=0), every.max(axis=0)]), side)
+    rows, columns = np.mgrid[:side, :side] + 0.5
+    middles = shapely.points(
+        (np.stack([columns, side - rows], axis=-1) - frame.offset) / frame.scale
+    )
+    truth = np.full((side, side, 3), 255)
+    for points, colour in zip(corners, shape.pieces(depth).colours, strict=True):
+        truth[shapely.covers(shapely.Polygon(points), middles)] = np.round(colour * 255)
+    drawn = np.asarray(motif_picture(shape, motifs, depth, side)).astype(int)
+    assert (drawn == truth).all(axis=2).mean() >= 0.9995  # all but middles on an edge
+
+
+def test_equal_motifs_give_the_picture_of_the_shape():
+    shape = Shape([[[0.6, 0, x], [0.1, 0.6, 0]] for x in (0, 0.4)], "square", colours=COLOURS[:2])
+    drawn = motif_picture(shape, ["square", "square"], 4, 64)
+    assert np.array_equal(np.asarray(drawn), np.asarray(picture_of(shape, 64, 4)))
+
+
+@pytest.mark.parametrize(
+    ("motifs", "depth", "says"),
+    [
+        (["square"], 2, "1 motifs, but the shape has 4"),
+        (["square", "square", "segment", "square"], 2, "motif 2 has no faces"),
+        (["square"] * 3 + ["cube"], 2, "is three-dimensional"),
+        (["square"] * 4, 0, "depth = 0"),
+    ],
+)
+def test_motifs_that_do_not_fit_are_refused(motifs, depth, says):
+    with pytest.raises(ShapeError, match=says):
+        motif_picture(known("koch"), motifs, depth)
 
 
 def test_pieces_between_the_middles_mark_their_pixels():
