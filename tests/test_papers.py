@@ -17,8 +17,20 @@ from towns import draw_town
 import evocity
 from evocity import CityMap
 from evocity.coding import decode
+from evocity.fitness.curves import read_dark
 from evocity.operators import OPERATORS, make
-from evocity.shapes import Curve, Detailed, Language, Pieces, Primitive, Shape
+from evocity.scene import picture_outline
+from evocity.shapes import (
+    Curve,
+    Detailed,
+    Language,
+    Pieces,
+    Primitive,
+    Shape,
+    fit_curve,
+    resampled,
+    rms_of,
+)
 from evocity.views.streets import StreetGraph
 
 CLASSES = {
@@ -235,3 +247,42 @@ def test_enlarged_images_give_no_better_skeleton(name):
         lengths.append(float(one.street_graph.length.sum()))
     assert ends[1] > 1.3 * ends[0]
     assert lengths[1] == pytest.approx(lengths[0], rel=0.1)
+
+
+@pytest.fixture(scope="module")
+def leaves() -> list[tuple[np.ndarray, Detailed]]:
+    """The borders of two leaves, and their fits with eight levels of details."""
+    found = []
+    for name, reach in (("leaf.png", 1.5), ("toothed-leaf.png", 0.0)):
+        dark = read_dark((ROOT / "runs" / name).read_bytes(), name)
+        border = resampled(picture_outline(dark, reach), 769)
+        found.append((border, fit_curve(border, depth=8, starts=1)))
+    return found
+
+
+def length_of(leaf: Detailed) -> float:
+    return float(np.hypot(*np.diff(leaf.line(), axis=0).T).sum())
+
+
+def test_leaves_come_back_from_an_eighth_of_their_numbers(leaves):
+    """Hnaidi and others, figures 5 and 6: four points, two matrices, three levels omitted."""
+    for (border, leaf), told in zip(leaves, (0.88, 0.81), strict=True):
+        assert leaf.line() == pytest.approx(border, abs=1e-6)
+        assert leaf.curve.maps.shape == (2, 4, 4)
+        assert rms_of(leaf, 3) == pytest.approx(told, abs=0.02)
+        assert rms_of(leaf, 3) < 0.004 * np.ptp(border, axis=0).max()
+
+
+@pytest.mark.filterwarnings("ignore:.*cross")
+def test_leaves_take_the_texture_of_each_other(leaves):
+    """Figures 7 and 8: by the model of either curve; figure 9: texture doubled and reduced."""
+    fern, toothed = (leaf for _, leaf in leaves)
+    for like in (fern, toothed):
+        rough, smooth = fern.recoded(like), toothed.recoded(like)
+        taken = smooth.transferred(rough, 5)
+        assert all(map(np.array_equal, taken.details[3:], rough.details[3:]))
+        assert all(map(np.array_equal, taken.details[:3], smooth.details[:3]))
+        assert length_of(taken) > 1.3 * length_of(smooth)
+    for leaf in (fern, toothed):
+        doubled = length_of(leaf.amplified(2.0, range(3, 8)))
+        assert length_of(leaf.amplified(0.5, range(3, 8))) < length_of(leaf) < doubled
