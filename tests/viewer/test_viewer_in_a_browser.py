@@ -443,6 +443,35 @@ def test_nothing_is_cut_or_lies_over_another(opened, width, axes):
             assert apart, (boxes[k], other)
 
 
+@pytest.mark.parametrize("width", [420, 700, 1400])
+def test_the_head_of_an_axis_breaks_between_words_only(opened, width):
+    plain = births()
+    names = ["autosimilarity", "gsi", "salingaros_buildings", "repetition", "fabric_distance"]
+    names += ["alignment", "a_word_as_long_as_" + "x" * 60]
+    columns = [Column(one, plain.columns[k % 4].values) for k, one in enumerate(names)]
+    page = opened(widget(Table(plain.ids, tuple(columns)), tuple(names)), width)
+    broken = page.evaluate(
+        r"""() => [...document.querySelectorAll(".evocity-name")].flatMap((one) =>
+          [...one.textContent.matchAll(/\S+/g)].filter(({ 0: word, index }) => {
+            const range = document.createRange();
+            range.setStart(one.firstChild, index);
+            range.setEnd(one.firstChild, index + word.length);
+            return new Set([...range.getClientRects()].map(({ top }) => top)).size > 1;
+          }).map(([word]) => word))"""
+    )
+    assert broken == ["x" * 60]
+    middles = page.evaluate(
+        """() => [...document.querySelectorAll(".evocity-head")].map((one) =>
+          parseFloat(one.style.left) + parseFloat(one.style.width) / 2)"""
+    )
+    box = page.locator(".evocity-lines").bounding_box()
+    page.mouse.move(box["x"] + middles[2], box["y"] + 60)  # each axis stands below its head
+    page.mouse.down()
+    page.mouse.move(box["x"] + middles[2], box["y"] + 90, steps=3)
+    page.mouse.up()
+    assert list(saved(page)["brushes"]) == ["salingaros_buildings"]
+
+
 def test_density_counts_every_line(opened):
     page = opened(widget(births()))
     sums = page.evaluate(

@@ -2,9 +2,20 @@ import { brushOf } from "../births.js";
 import { crossings, levels, shade } from "../density.js";
 import { COLOURS, FONT, choice, element, fitCanvas, number, offer, shortenText } from "../elements.js";
 
-const HEIGHT = 232, TOP = 20, LOW = HEIGHT - 20, NARROWEST = 66;
+const HEIGHT = 232, TOP = 20, LOW = HEIGHT - 20, NARROWEST = 66, WIDEST = 132;
 /** Above this number, lines are drawn as a density; chosen lines, at most. */
 const STROKES = 1200, MOST_CHOSEN = 300;
+
+const ruler = document.createElement("canvas").getContext("2d");
+
+function textOf(column) { return column.name.replaceAll("_", " ") + (column.unit ? `, ${column.unit}` : ""); }
+
+/** The least width of an axis, px: its head breaks no word, unless the word is very long. */
+function neededWidth(column) {
+  ruler.font = `12px ${FONT}`;
+  const longest = Math.max(...textOf(column).split(" ").map((word) => ruler.measureText(word).width));
+  return Math.min(WIDEST, Math.max(NARROWEST, Math.ceil(longest) + 11));
+}
 
 /** Parallel coordinates: an upright axis for each column, a line for each birth, brushes on the axes. */
 class Axes {
@@ -57,15 +68,20 @@ class Axes {
   }
 
   resize() {
-    const count = Math.max(1, this.axes.length);
-    this.width = Math.max(this.root.clientWidth, count * NARROWEST);
-    this.between = this.width / count;
+    const needs = this.columns.map(neededWidth), needed = needs.reduce((sum, one) => sum + one, 0);
+    this.width = Math.max(this.root.clientWidth, needed, NARROWEST);
+    const even = this.width / needs.length, spare = (this.width - needed) / needs.length;
+    this.widths = needs.map((one) => (Math.max(...needs) <= even ? even : one + spare));
+    this.lefts = this.widths.map((_, place) => this.widths.slice(0, place).reduce((sum, one) => sum + one, 0));
     this.inner.style.width = `${this.width}px`;
     this.putHeads();
     this.drawBack();
   }
 
-  x(place) { return (place + 0.5) * this.between; }
+  x(place) { return this.lefts[place] + this.widths[place] / 2; }
+
+  /** The place of the axis at an x; negative at the left of all axes. */
+  placeAt(x) { return this.lefts.findLastIndex((left) => left <= x); }
 
   /** The y of a value on an axis. */
   y(place, value) {
@@ -130,13 +146,13 @@ class Axes {
       context.globalAlpha = 1;
       return;
     }
-    const wide = Math.max(1, Math.round(this.between)), tall = LOW - TOP + 1;
-    [this.gap.width, this.gap.height] = [wide, tall];
-    const gap = this.gap.getContext("2d");
+    const tall = LOW - TOP + 1, gap = this.gap.getContext("2d");
     for (let place = 0; place + 1 < this.columns.length; place++) {
+      const between = this.x(place + 1) - this.x(place), wide = Math.max(1, Math.round(between));
+      [this.gap.width, this.gap.height] = [wide, tall];
       const counts = crossings(this.levels[place], this.levels[place + 1], mask, wide, tall);
       gap.putImageData(shade(counts, wide, tall, colour, most), 0, 0);
-      context.drawImage(this.gap, this.x(place), TOP - 0.5, this.between, tall);
+      context.drawImage(this.gap, this.x(place), TOP - 0.5, between, tall);
     }
   }
 
@@ -197,7 +213,7 @@ class Axes {
   drawWords(context, place) {
     const { words } = this.columns[place];
     const isLast = place > 0 && place + 1 === this.columns.length; // there is no room at its right
-    const room = this.between - 20, x = this.x(place) + (isLast ? -11 : 11);
+    const room = this.widths[place] - 20, x = this.x(place) + (isLast ? -11 : 11);
     const apart = (LOW - TOP) / words.length, every = Math.ceil(11 / apart);
     context.textAlign = isLast ? "right" : "left";
     context.lineWidth = 3;
@@ -230,11 +246,10 @@ class Axes {
         type: "button", title: [column.name, column.wanted].filter(Boolean).join(": "),
         "aria-expanded": String(this.page.open === column.name),
       });
-      const unit = column.unit ? `, ${column.unit}` : "";
-      element(head, "span", "name", column.name.replaceAll("_", " ") + unit);
+      element(head, "span", "name", textOf(column));
       element(head, "span", "sign", `${column.sign}${this.axes[place].turned ? " ⇵" : ""}`.trim());
-      head.style.left = `${this.x(place) - this.between / 2 + 2}px`;
-      head.style.width = `${this.between - 4}px`;
+      head.style.left = `${this.lefts[place] + 2}px`;
+      head.style.width = `${this.widths[place] - 4}px`;
       head.addEventListener("pointerdown", (event) => this.drag(event, head, column.name));
       head.addEventListener("click", () => {
         if (!this.isDragged) this.hands.open(column.name);
@@ -255,8 +270,7 @@ class Axes {
       head.onpointermove = head.onpointerup = head.onpointercancel = null;
       if (!this.isDragged) return;
       setTimeout(() => { this.isDragged = false; }); // after a possible click
-      const place = Math.floor((left + at.clientX - from + this.between / 2) / this.between);
-      this.move(name, place);
+      this.move(name, this.placeAt(left + at.clientX - from + parseFloat(head.style.width) / 2));
     };
   }
 
@@ -273,8 +287,8 @@ class Axes {
   at(event) {
     const box = this.canvas.getBoundingClientRect();
     const x = event.clientX - box.left, y = event.clientY - box.top;
-    const place = Math.min(this.columns.length - 1, Math.max(0, Math.floor(x / this.between)));
-    const near = this.columns.length && Math.abs(x - this.x(place)) <= Math.max(16, Math.min(28, this.between / 4));
+    const place = Math.max(0, this.placeAt(x));
+    const near = this.columns.length && Math.abs(x - this.x(place)) <= Math.max(16, Math.min(28, this.widths[place] / 4));
     return { place: near ? place : -1, y };
   }
 
