@@ -444,11 +444,14 @@ def test_nothing_is_cut_or_lies_over_another(opened, width, axes):
 
 
 @pytest.mark.parametrize("width", [420, 700, 1400])
-def test_the_head_of_an_axis_breaks_between_words_only(opened, width):
+def test_the_head_of_an_axis_breaks_no_word_and_cuts_no_sign(opened, width):
     plain = births()
     names = ["autosimilarity", "gsi", "salingaros_buildings", "repetition", "fabric_distance"]
     names += ["alignment", "a_word_as_long_as_" + "x" * 60]
-    columns = [Column(one, plain.columns[k % 4].values) for k, one in enumerate(names)]
+    signs = ["↑", "≥0.179 ≤0.668", "↓", "→0.7285", "", "≤1", "≥0"]
+    columns = [
+        Column(one, plain.columns[k % 4].values, sign=signs[k]) for k, one in enumerate(names)
+    ]
     page = opened(widget(Table(plain.ids, tuple(columns)), tuple(names)), width)
     broken = page.evaluate(
         r"""() => [...document.querySelectorAll(".evocity-name")].flatMap((one) =>
@@ -460,6 +463,9 @@ def test_the_head_of_an_axis_breaks_between_words_only(opened, width):
           }).map(([word]) => word))"""
     )
     assert broken == ["x" * 60]
+    cut = """() => [...document.querySelectorAll(".evocity-sign")]
+      .filter((one) => one.scrollWidth > one.clientWidth).map((one) => one.textContent)"""
+    assert page.evaluate(cut) == []
     middles = page.evaluate(
         """() => [...document.querySelectorAll(".evocity-head")].map((one) =>
           parseFloat(one.style.left) + parseFloat(one.style.width) / 2)"""

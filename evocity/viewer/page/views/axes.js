@@ -10,10 +10,13 @@ const ruler = document.createElement("canvas").getContext("2d");
 
 function textOf(column) { return column.name.replaceAll("_", " ") + (column.unit ? `, ${column.unit}` : ""); }
 
-/** The least width of an axis, px: its head breaks no word, unless the word is very long. */
-function neededWidth(column) {
+function signOf(column, turned) { return `${column.sign}${turned ? " ⇵" : ""}`.trim(); }
+
+/** The least width of an axis, px: its head breaks no word and cuts no sign, unless they are very long. */
+function neededWidth(column, turned) {
   ruler.font = `12px ${FONT}`;
-  const longest = Math.max(...textOf(column).split(" ").map((word) => ruler.measureText(word).width));
+  const parts = [...textOf(column).split(" "), signOf(column, turned)];
+  const longest = Math.max(...parts.map((one) => ruler.measureText(one).width));
   return Math.min(WIDEST, Math.max(NARROWEST, Math.ceil(longest) + 11));
 }
 
@@ -68,7 +71,8 @@ class Axes {
   }
 
   resize() {
-    const needs = this.columns.map(neededWidth), needed = needs.reduce((sum, one) => sum + one, 0);
+    const needs = this.columns.map((one, place) => neededWidth(one, this.axes[place].turned));
+    const needed = needs.reduce((sum, one) => sum + one, 0);
     this.width = Math.max(this.root.clientWidth, needed, NARROWEST);
     const even = this.width / needs.length, spare = (this.width - needed) / needs.length;
     this.widths = needs.map((one) => (Math.max(...needs) <= even ? even : one + spare));
@@ -247,7 +251,7 @@ class Axes {
         "aria-expanded": String(this.page.open === column.name),
       });
       element(head, "span", "name", textOf(column));
-      element(head, "span", "sign", `${column.sign}${this.axes[place].turned ? " ⇵" : ""}`.trim());
+      element(head, "span", "sign", signOf(column, this.axes[place].turned));
       head.style.left = `${this.lefts[place] + 2}px`;
       head.style.width = `${this.widths[place] - 4}px`;
       head.addEventListener("pointerdown", (event) => this.drag(event, head, column.name));
