@@ -30,7 +30,7 @@ def main() -> None:
     grounds = []
     for path in sys.argv[1:3]:
         raster = read_ground(path)
-        grounds.append(fit_surface(raster.heights, depth=7, spacing=raster.spacing))
+        grounds.append(fit_surface(raster.heights, 4, depth=7, spacing=raster.spacing))
         error = surface_rms(grounds[-1], DROPPED)
         print(f"{path}: {grounds[-1].number_count(DROPPED)} numbers, {error:.4f} m off")
     rows = []

@@ -40,7 +40,7 @@ def surface() -> None:
   evocity surface fit dtm.tif --depth 6 --drawn 2 -o ground.parquet""")
 @click.argument("raster", metavar="DTM")
 @_surface_output
-@option("--points", "Number of control heights along each axis.", click.IntRange(2, 16), 4)
+@option("--points", "Number of control heights along each axis.", click.IntRange(2, 16), 7)
 @option("--depth", "Number of levels of detail. [from the raster]", click.IntRange(1, 12))
 @option(
     "--drawn",

@@ -20,7 +20,7 @@ _COMPONENTS = 8
 
 def fit_surface(
     heights: ArrayLike,
-    points: int = 4,
+    points: int = 7,
     maps: int = 2,
     depth: int | None = None,
     drawn: int = 3,
@@ -32,7 +32,8 @@ def fit_surface(
     """Fit maps to a height map, and return the height map as a `DetailedSurface`.
 
     heights : float ``(R, C)``, metres, without holes; `DetailedSurface.of` resamples them.
-    points, maps : numbers of control points and of parts along each axis.
+    points, maps : numbers of control points and of parts along each axis. Smooth ground needs more
+        points: 4 points draw it with kinks between the parts.
     depth : number of levels; by default the depth whose number of heights is nearest to that of
         the longer side.
     drawn : number of finest levels that the maps draw without details.

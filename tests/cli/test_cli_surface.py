@@ -36,7 +36,7 @@ def test_a_ground_is_fitted_changed_and_written_as_a_raster(files):
     told = call("surface", "fit", files / "plain.tif", "--starts", 1, "--drawn", 2, "--json",
                 "-o", files / "a.parquet")  # fmt: skip
     facts = json.loads(told.stdout)
-    assert (facts["heights"], facts["depth"], facts["numbers"]) == ([25, 25], 3, 7 * 7 + 30)
+    assert (facts["heights"], facts["depth"], facts["numbers"]) == ([25, 25], 2, 7 * 7 + 2 * 66)
     stored = read_surface(files / "a.parquet")
     assert (stored.crs, stored.corner, stored.surface.spacing) == (
         "EPSG:2154", (840_001, 6_519_999), (2, 2),
@@ -61,7 +61,7 @@ def test_rasters_at_fault_are_refused(files):
     for name, says in (
         ("holes.tif", "holes: 3 of 625"),
         ("degrees.tif", "degrees"),
-        ("few.tif", "at least 4 heights"),
+        ("few.tif", "at least 7 heights"),
         ("plain.json", "raster"),
     ):
         refused(files, "surface", "fit", files / name, "-o", files / "x.json", says=says)
