@@ -144,14 +144,14 @@ def test_a_fitted_ground_is_within_a_tenth_of_a_spline_of_as_many_numbers(roughn
 @pytest.mark.slow
 @pytest.mark.skipif(not DATA.exists(), reason="the rasters lie beside the repository")
 @pytest.mark.parametrize("name", ["athens-dem.tif", "original-goteborg-dem.tif"])
-@pytest.mark.parametrize("depth", [4, 5, 6])
+@pytest.mark.parametrize("depth", [4, 5])
 def test_a_real_ground_is_within_a_tenth_of_a_spline_of_as_many_numbers(name, depth):
     from evocity.io.ground_rasters import read_ground
 
     raster = read_ground(DATA / name)
     found = fit_surface(raster.heights, depth=depth, spacing=raster.spacing)
     numbers = found.number_count(3)
-    assert numbers == {4: 301, 5: 757, 6: 2533}[depth]
+    assert numbers == {4: 301, 5: 757}[depth]
     assert surface_rms(found, 3) <= 1.1 * spline_rms(found.heights(), *spline_of(numbers))
 
 
