@@ -136,8 +136,8 @@ _PLACED = (".city.json", ".gpkg", ".fgb", ".geoparquet")
 @water_option
 @option(
     "--relief GROUND",
-    "Ground from `evocity surface fit`; in a .city.json file, buildings stand on this ground. "
-    "[flat ground]",
+    "Ground from `evocity surface fit`, on which buildings stand and streets lie; in .city.json, "
+    ".glb, .obj, .wrl, .x3d, .dxf and .3dm files. [flat ground]",
     FILE,
 )
 @option(
@@ -215,15 +215,17 @@ def scene(
     check_glb_options(output, suffix, merge=merge, instances=instances)
     check_needs("--relief", "-o", relief is not None and output is None)
     if relief is not None:
-        from evocity.scene.relief import write_on_relief
+        from evocity.scene.relief import check_relief, write_on_relief
         from evocity.shapes import read_surface
 
-        if suffix != ".city.json" or streets or crs is not None or level == "0":
-            raise EvocityError(
-                "--relief cannot be used with --streets, --crs, --lod 0 or this output",
-                "an output file whose name ends in .city.json",
-                "leave --relief out, or write .city.json without these options",
-            )
+        check_relief(output, level)
+        for name, is_given in (("--crs", crs), ("--tiles", tiles), ("--lod-node", lod_node)):
+            if is_given:
+                raise EvocityError(
+                    f"--relief cannot be used with {name}",
+                    "one file in the reference system of the map",
+                    f"leave {name} or --relief out",
+                )
         ground = read_surface(str(relief))
     note_compiling()
     how = {"detail": detail, "squared": angles == "square", "storeys": storeys}
@@ -276,12 +278,15 @@ def scene(
             if relief is None:
                 made.write(path, crs=crs, **drawn)
             else:
-                write_on_relief(made, ground, path)
+                facts["ground"] = write_on_relief(made, ground, path, **drawn)
             facts = {"file": str(path), "bytes": path.stat().st_size} | facts
         written.append(facts)
         if not as_json:
             echo(describe(city))
             echo(_summary(made))
+            if "ground" in facts:
+                low, high = facts["ground"]
+                echo(f"ground from {low:.4g} to {high:.4g} m")
             if output is not None and not lod_node:
                 echo(f"wrote {path}")
             if tiles is not None:

@@ -1,8 +1,8 @@
 """Formats of other programs: arrays of solids become text or bytes; lines of GeoJSON, arrays.
 
-- `solids`: `Group`, solids of one kind: prisms on polygons, and their triangles; `Copies`, those of
-  them that share a shape; `shells`, walls and roofs that are not prisms; `numbering`, numbers of
-  equal rows
+- `solids`: `Group`, solids of one kind: prisms on polygons, and their triangles; `Relief`, the
+  ground below them; `Copies`, those of them that share a shape; `shells`, walls and roofs that are
+  not prisms; `numbering`, numbers of equal rows
 - `cityjson`: CityJSON 2.0, surfaces with semantics; `cityjson_lines`, CityJSONSeq
 - `kerbs`: low walls between carriageways and the ground beside them
 - `materials`: materials and names of objects, for all formats
@@ -22,13 +22,14 @@ from evocity.formats.gltf import glb
 from evocity.formats.obj import mtl, obj
 from evocity.formats.printing import stl, threemf
 from evocity.formats.rhino import rhino
-from evocity.formats.solids import About, Copies, Group
+from evocity.formats.solids import About, Copies, Group, Relief
 from evocity.formats.vrml import vrml97, x3d
 
 __all__ = [
     "About",
     "Copies",
     "Group",
+    "Relief",
     "cityjson",
     "cityjson_lines",
     "dxf",

@@ -11,7 +11,7 @@ import numpy as np
 from evocity.formats.kerbs import kerb_edges
 from evocity.formats.materials import names_of
 from evocity.formats.numbering import number_rows
-from evocity.formats.shells import Shells
+from evocity.formats.shells import WALL, Shells
 from evocity.formats.solids import About, Group, Rings
 
 #: Vertices are whole numbers of millimetres.
@@ -26,6 +26,8 @@ _text = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", "
 # Types of a solid's surfaces, by their index in ``values``.
 _SURFACES = _text([{"type": f"{part}Surface"} for part in ("Ground", "Wall", "Roof")])
 
+_NO_RINGS = Rings(np.empty((0, 2), np.int64), np.zeros(1, np.int64), np.empty(0, np.int64))
+
 # Types of a road's surfaces: carriageways, and pavements with their kerbs.
 _TRAFFIC = _text([{"type": f"{part}TrafficArea"} for part in ("", "Auxiliary")])
 
@@ -34,7 +36,7 @@ def cityjson(groups: Sequence[Group], about: About) -> str:
     """Write a CityJSON document (specification 2.0.1, cityjson.org), with an object for each solid
     and surface of the ``groups``."""
     # long arrays become text directly: lists of numbers for json would take most of the time
-    rings = [group.rings.on_grid(SCALE) for group in groups]
+    rings = [_NO_RINGS if one.is_draped else one.rings.on_grid(SCALE) for one in groups]
     tall = [np.round(group.heights / SCALE).astype(np.int64) for group in groups]
     kerbs = [_kerbs(own, group) for group, own in zip(groups, rings, strict=True)]
     levels = [np.empty((0, 3), np.int64)]
@@ -43,8 +45,11 @@ def cityjson(groups: Sequence[Group], about: About) -> str:
         below, above = 0 * own.owner, tops[own.owner]
         if group.level:
             below, above = _kerb_levels(own, group.level, edges)
+        if group.relief is not None:
+            lift = np.round(group.lift / SCALE).astype(np.int64)[own.owner]
+            below, above = below + lift, above + lift
         levels += [np.column_stack([own.points, z]) for z in (below, above)]
-    shells = [None if group.roofs is None else _shell_corners(group) for group in groups]
+    shells = [_more_corners(group) for group in groups]
     sizes = [len(level) for level in levels]
     corners = np.concatenate([*levels, *(own for own in shells if own is not None)])
     number = number_rows(corners)
@@ -58,6 +63,12 @@ def cityjson(groups: Sequence[Group], about: About) -> str:
     objects, first = [], _scene_attributes(about)
     for k, group in enumerate(groups):
         floor, roof = of_levels[2 * k : 2 * k + 2]
+        if group.is_draped:
+            for name, members in _draped(group, next(of_shells)):
+                listed, first = _text(first | members.pop("attributes")), {}
+                written = ",".join([f'"{key}":{value}' for key, value in members.items()])
+                objects.append(f'{_text(name)}:{{{written},"attributes":{listed}}}')
+            continue
         faces = {} if group.roofs is None else _shell_faces(group.roofs, next(of_shells))
         for name, kind, attributes, geometry in _objects(
             group, rings[k], tall[k], floor, roof, kerbs[k], about.lod, faces
@@ -88,7 +99,7 @@ def _kerb_levels(rings: Rings, level: float, edges: np.ndarray) -> tuple[np.ndar
 def _kerbs(rings: Rings, group: Group) -> np.ndarray:
     """Find the edges of ``rings`` on the grid of `SCALE` that have kerbs; lower groups have
     them."""
-    if not group.level:
+    if not group.level or group.is_draped:
         return np.empty(0, np.int64)
     return kerb_edges(rings.points * SCALE, rings.after, group.kerbs)
 
@@ -114,6 +125,8 @@ def _metadata(
         wide, deep = (float(side) for side in vertices[:, :2].max(axis=0) * SCALE)
     top = max((float(group.heights.max()) for group in groups if len(group)), default=0.0)
     low = min((group.level for group in groups if len(group)), default=0.0)
+    if any(group.relief is not None for group in groups):
+        low, top = (float(end) * SCALE for end in (vertices[:, 2].min(), vertices[:, 2].max()))
     metadata = {"title": about.name, "geographicalExtent": [x, y, low, x + wide, y + deep, top]}
     named = about.grid[0] if about.grid is not None else about.crs or ""
     if code := re.fullmatch(r"(\w+):(\w+)", named):
@@ -183,6 +196,52 @@ def _objects(
         yield names[k], kind, attributes, geometry
 
 
+def _more_corners(group: Group) -> np.ndarray | None:
+    """Return corners that do not lie on the rings of a ``group``, in units of `SCALE`, int64 ``(c,
+    3)``: those of pitched roofs, or of triangles on a relief; None for a group without them."""
+    if group.is_draped:
+        return np.round(group.mesh.points / SCALE).astype(np.int64)
+    return None if group.roofs is None else _shell_corners(group)
+
+
+def _draped(group: Group, vertex: np.ndarray) -> Iterator[tuple[str, dict]]:
+    """Yield the name and the members of each surface of a ``group`` on a relief, as text, and its
+    attributes. ``vertex``: the vertex of each point of the mesh."""
+    mesh, names = group.mesh, names_of(group)
+    corners = vertex[mesh.triangles]
+    places = np.round(mesh.points[mesh.triangles] / SCALE)
+    a, b, c = (places[:, k] for k in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    longest = np.max([((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
+    # rounding turns thinner triangles over
+    kept = area > 2 * np.sqrt(longest)
+    spans = np.searchsorted(mesh.owner, np.arange(len(group) + 1)).tolist()
+    for k, name in enumerate(names):
+        own = np.arange(spans[k], spans[k + 1])
+        own = own[kept[own]]
+        kind = group.city_objects[k]
+        faces = ",".join([f"[[{a},{b},{c}]]" for a, b, c in corners[own].tolist()])
+        form = "CompositeSurface" if group.name == "ground" else "MultiSurface"
+        geometry = f'"type":"{form}","lod":"1","boundaries":[{faces}]'
+        if kind == "Road":
+            pavement = group.name == "pavement"
+            values = np.where((mesh.part[own] == WALL) | pavement, 1, 0).tolist()
+            geometry += f',"semantics":{{"surfaces":{_TRAFFIC},"values":{_text(values)}}}'
+        columns = ((key, column[k]) for key, column in group.attributes.items())
+        attributes = {"class": group.name} | {
+            key: value for key, value in columns if value is not None
+        }
+        kind = "TINRelief" if group.name == "ground" else kind
+        yield (
+            name,
+            {
+                "type": _text(kind),
+                "geometry": f"[{{{geometry}}}]",
+                "attributes": attributes,
+            },
+        )
+
+
 def _shell_corners(group: Group) -> np.ndarray:
     """Return the corners of the faces of ``group.roofs``, in units of `SCALE`, int64 ``(c, 3)``."""
     roofs, rings = group.roofs, group.rings
@@ -193,6 +252,7 @@ def _shell_corners(group: Group) -> np.ndarray:
     places = np.empty((len(face), 3))
     places[ground] = np.column_stack([rings.points[at], np.zeros(len(at))])
     places[~ground] = roofs.points[roofs.corners[~ground]]
+    places[:, 2] += group.lift[roofs.owner[face]]
     return np.round(places / SCALE).astype(np.int64)
 
 

@@ -58,7 +58,7 @@ def _layer_name(name: str) -> str:
 
 
 def _add_outlines(space, group: Group) -> None:
-    rings = group.rings
+    rings, lifts = group.rings, np.round(group.lift, 3).tolist()
     points = np.round(rings.points, 3).tolist()
     eaves = group.attributes.get("eavesHeight", [None] * len(group))
     heights = [
@@ -69,7 +69,7 @@ def _add_outlines(space, group: Group) -> None:
     for k, of in enumerate(rings.of.tolist()):
         layer = _layer_name(group.name + (HOLES if of == previous else ""))
         previous = of
-        how = {"layer": layer, "elevation": group.level}
+        how = {"layer": layer, "elevation": group.level + lifts[of]}
         if heights[of] > 0:
             how["thickness"] = round(heights[of], 3)
         ring = points[rings.starts[k] : rings.starts[k + 1]]

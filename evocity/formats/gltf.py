@@ -144,7 +144,7 @@ class _Writer:
     ) -> list[int]:
         """Add nodes of the copies ``used``, which share the meshes of their shapes."""
         meshes = self._shapes(copies, mesh, used)
-        moves, extras = _moves(copies), _extras(columns)
+        moves, extras = _moves(copies, self.group.lift), _extras(columns)
         nodes = []
         for k in used.tolist():
             value: dict[str, Any] = {"name": names[k], "mesh": meshes[int(copies.of[k])]}
@@ -157,7 +157,7 @@ class _Writer:
         document = self.document
         document.use(_INSTANCING, required=True)
         document.use("EXT_instance_features")
-        meshes, moves = self._shapes(copies, mesh, used), _moves(copies)
+        meshes, moves = self._shapes(copies, mesh, used), _moves(copies, self.group.lift)
         nodes = []
         for shape, number in meshes.items():
             own = used[copies.of[used] == shape]
@@ -296,13 +296,14 @@ def _copies_of_form(group: Group) -> Copies:
     )
 
 
-def _moves(copies: Copies) -> dict[str, np.ndarray]:
-    """Return translations, rotations (quaternions) and scales of ``copies``, y up."""
+def _moves(copies: Copies, lift: np.ndarray) -> dict[str, np.ndarray]:
+    """Return translations, rotations (quaternions) and scales of ``copies``, y up, which stand on
+    ground of the heights ``lift``, metres."""
     x, y = copies.places.T
     along, across, up = copies.scales.T
     half, zero = copies.turns / 2, np.zeros(len(x))
     return {
-        "translation": np.stack([x, zero, -y], axis=1),
+        "translation": np.stack([x, lift, -y], axis=1),
         "rotation": np.stack([zero, np.sin(half), zero, np.cos(half)], axis=1),
         "scale": np.stack([along, up, across], axis=1),
     }

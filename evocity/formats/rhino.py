@@ -45,11 +45,12 @@ def rhino(groups: Sequence[Group], about: About) -> bytes:
         for k, mesh in enumerate(_meshes(rhino3dm, group)):
             model.Objects.AddMesh(mesh, _attributes(rhino3dm, meshes, names[k], texts[k]))
         points, rings = group.rings.points.tolist(), group.rings
+        lifts = group.lift.tolist()
         for k, of in enumerate(rings.of.tolist()):
             ring = points[rings.starts[k] : rings.starts[k + 1]]
             line = rhino3dm.Polyline(len(ring) + 1)
             for x, y in [*ring, ring[0]]:
-                line.Add(x, y, group.level)
+                line.Add(x, y, group.level + lifts[of])
             about_line = _attributes(rhino3dm, outlines, names[of], {})
             model.Objects.AddPolyline(line, about_line)
     with tempfile.TemporaryDirectory() as folder:

@@ -69,6 +69,34 @@ class Copies:
 
 
 @dataclass(frozen=True, eq=False)
+class Relief:
+    """The ground on which a group stands.
+
+    lift : float64 ``(n,)``, the lowest ground below the outline of each solid or surface, metres.
+        Solids move up by it as they are.
+    heights : function from places, float64 ``(k, 2)``, metres as of `Group.polygons`, to the
+        heights of the ground there, ``(k,)``, metres.
+    pieces, of : for surfaces, which follow the ground: their parts, objects ``(m,)``, and the
+        surface of each, rising; None for solids.
+    """
+
+    lift: np.ndarray
+    heights: Callable[[np.ndarray], np.ndarray]
+    pieces: np.ndarray | None = None
+    of: np.ndarray | None = None
+
+    def take(self, rows: np.ndarray) -> "Relief":
+        """Return the ground of the solids or surfaces at ``rows``, int ``(k,)``."""
+        if self.pieces is None or self.of is None:
+            return replace(self, lift=self.lift[rows])
+        number = np.full(len(self.lift), -1)
+        number[rows] = np.arange(len(rows))
+        own = np.flatnonzero(number[self.of] >= 0)
+        own = own[np.argsort(number[self.of[own]], kind="stable")]
+        return Relief(self.lift[rows], self.heights, self.pieces[own], number[self.of[own]])
+
+
+@dataclass(frozen=True, eq=False)
 class Group:
     """Solids of one kind and colour: prisms on polygons, surfaces of height 0, or solids with
     pitched roofs.
@@ -87,6 +115,7 @@ class Group:
     level : height of surfaces, metres, 0 or less: carriageways lie below the ground beside them.
     kerbs : shapely lines along which a low wall leads from the level of surfaces up to the ground;
         or None.
+    relief : the ground on which the group stands; None for flat ground of the height 0.
     """
 
     name: str
@@ -100,6 +129,7 @@ class Group:
     roofs: Shells | None = None
     level: float = 0.0
     kerbs: shapely.Geometry | None = None
+    relief: Relief | None = None
 
     def __len__(self) -> int:
         return len(self.polygons)
@@ -118,6 +148,7 @@ class Group:
             city_object=kinds if isinstance(kinds, str) else [kinds[row] for row in rows.tolist()],
             copies=None if self.copies is None else self.copies.take(rows),
             roofs=None if self.roofs is None else self.roofs.take(rows),
+            relief=None if self.relief is None else self.relief.take(rows),
         )
 
     @property
@@ -127,11 +158,21 @@ class Group:
         return [kind] * len(self) if isinstance(kind, str) else kind
 
     @property
+    def lift(self) -> np.ndarray:
+        """Height of the ground on which each solid stands, metres, float64 ``(n,)``."""
+        return np.zeros(len(self)) if self.relief is None else self.relief.lift
+
+    @property
+    def is_draped(self) -> bool:
+        """Whether the group consists of surfaces that follow a relief."""
+        return self.relief is not None and self.relief.pieces is not None
+
+    @property
     def volume(self) -> float:
         """Volume of all, m³."""
         if self.roofs is None:
             return float(shapely.area(self.polygons) @ self.heights)
-        mesh = self.mesh
+        mesh = replace(self, relief=None).mesh
         a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
         return float((a * np.cross(b, c)).sum() / 6)
 
@@ -143,9 +184,16 @@ class Group:
     @cached_property
     def mesh(self) -> "Mesh":
         """The solids as triangles."""
-        mesh = _mesh(self.polygons, self.rings, self.heights, self.roofs)
+        polygons, rings, heights = self.polygons, self.rings, self.heights
+        relief = self.relief
+        if relief is not None and relief.pieces is not None:
+            polygons, rings = relief.pieces, rings_of(relief.pieces)
+            heights = np.zeros(len(polygons))
+        mesh = _mesh(polygons, rings, heights, self.roofs)
         if self.level:
-            mesh = _sink(mesh, self.rings, self.level, self.kerbs)
+            mesh = _sink(mesh, rings, self.level, self.kerbs)
+        if relief is not None:
+            mesh = _drape(mesh, relief) if self.is_draped else _raise(mesh, relief.lift)
         return mesh if self.floors else mesh.select(mesh.part != FLOOR)
 
 
@@ -292,6 +340,26 @@ def _sink(mesh: Mesh, rings: Rings, level: float, kerbs: shapely.Geometry | None
         owner=np.concatenate([mesh.owner, np.tile(rings.owner[a], 2)]).astype(np.int32),
         part=np.concatenate([mesh.part, np.full(2 * len(a), WALL, np.uint8)]),
     )
+
+
+def _drape(mesh: Mesh, relief: Relief) -> Mesh:
+    """Move the points of surfaces up to the ground below each."""
+    assert relief.of is not None
+    points = mesh.points.copy()
+    points[:, 2] += relief.heights(points[:, :2])
+    owner = relief.of[mesh.owner].astype(np.int32)
+    order = np.argsort(owner, kind="stable")
+    return Mesh(points, mesh.triangles[order], owner[order], mesh.part[order])
+
+
+def _raise(mesh: Mesh, lift: np.ndarray) -> Mesh:
+    """Move each solid of a ``mesh`` up by its ``lift``; solids then have points of their own."""
+    wide = max(len(mesh.points), 1)
+    keys = mesh.owner.astype(np.int64)[:, None] * wide + mesh.triangles
+    pairs, number = np.unique(keys, return_inverse=True)
+    points = mesh.points[pairs % wide]
+    points[:, 2] += lift[pairs // wide]
+    return replace(mesh, points=points, triangles=number.reshape(-1, 3).astype(np.int32))
 
 
 def _triangles(

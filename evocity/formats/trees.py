@@ -53,7 +53,8 @@ def mesh_of(group: Group) -> Mesh:
         return group.mesh
     middles, (diameters, heights) = places_of(group)[0], places_of(group)[1].T
     scale = np.stack([diameters, diameters, heights], axis=1)
-    points = form.points * scale[:, None] + np.insert(middles, 2, 0.0, axis=1)[:, None]
+    places = np.column_stack([middles, group.lift])
+    points = form.points * scale[:, None] + places[:, None]
     count, corners = len(group), len(form.points)
     triangles = form.triangles + (np.arange(count) * corners)[:, None, None]
     return Mesh(

@@ -10,7 +10,7 @@
 - `lines`: the lines of a city: edges of the fabric, skylines, façades, streets
 - `tiles`, `cutting`, `globe`: tiles of a scene, surfaces cut at their borders, and the place of
   tiles on the globe
-- `relief`: buildings on the ground of a surface, in CityJSON
+- `relief`: buildings and streets on the ground of a surface
 - `roofs`: pitched roofs by straight skeletons
 - `picture`: axonometric pictures
 

@@ -1,24 +1,30 @@
-"""Buildings on the ground of a surface: CityJSON whose buildings stand on a relief."""
+"""Scenes on the ground of a surface: buildings stand on a relief, and streets follow the relief."""
 
 import dataclasses
-import json
 import os
 import re
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import scipy
+import shapely
 
 from evocity.errors import MapError
-from evocity.formats import cityjson
-from evocity.io.writers import check_place, open_output
+from evocity.formats import About, Group
+from evocity.formats import Relief as GroupRelief
+from evocity.formats.materials import is_surface
+from evocity.scene.cutting import cut_at_grid
+from evocity.scene.export import check_suffix, write
 
 if TYPE_CHECKING:
     from evocity.scene.building import Scene
 
 #: The most cells of the ground along an axis.
 MOST_CELLS = 100
+#: Suffixes of files whose scenes may stand on a relief.
+SUFFIXES = (".city.json", ".glb", ".obj", ".wrl", ".x3d", ".dxf", ".3dm")
 
 
 class HeightGrid(Protocol):
@@ -45,139 +51,112 @@ class Relief(Protocol):
     def attribution(self) -> str: ...
 
 
-def write_on_relief(scene: "Scene", relief: Relief, path: str | os.PathLike) -> None:
-    """Write a ``scene`` without streets as ``.city.json``, with its buildings on a ``relief``.
+def write_on_relief(
+    scene: "Scene", relief: Relief, path: str | os.PathLike, **how: Any
+) -> tuple[float, float]:
+    """Write a ``scene`` with its buildings on a ``relief``, and return the lowest and the highest
+    height of the ground. The suffix of ``path`` is one of `SUFFIXES`; ``how`` holds the options of
+    `Scene.write`.
 
-    The ground becomes a `TINRelief` of triangles. The floor of each building lies at the lowest
-    ground below its corners, so that no building hovers. If the scene and the relief have the same
-    reference system, both keep their coordinates. If one of them has no reference system, the
-    north-west height of the relief lies on the north-west corner of the map.
+    The ground and the streets follow the relief in triangles. The floor of each building lies at
+    the lowest ground below its outline, so that no building hovers. If the scene and the relief
+    have the same reference system, both keep their coordinates. If one of them has no reference
+    system, the north-west height of the relief lies on the north-west corner of the map.
 
-    Raises `MapError` for a scene with streets, for another suffix, for a relief of another
+    Raises `MapError` for a scene of footprints, for another suffix, for a relief of another
     reference system, and for a relief that does not cover the map.
     """
     path = Path(path)
-    if scene.streets or scene.lod == "0" or not path.name.lower().endswith(".city.json"):
-        raise MapError(
-            f"a relief cannot be used with streets, with footprints, or with the file {path.name}",
-            "a scene of solids without streets, and a file name that ends in .city.json",
-            "leave streets out, or write .city.json",
-        )
-    check_place(path)
+    check_relief(path, scene.lod)
     groups, about = scene.placed()
     credits = dict.fromkeys(filter(None, (about.attribution, relief.attribution)))
     about = dataclasses.replace(about, attribution="; ".join(credits))
-    document = stand_on(json.loads(cityjson(groups, about)), relief)
-    text = json.dumps(document, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    with open_output(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    raised = stand_on(groups, about, relief)
+    write(raised, about, path, **how)
+    ground = [group.mesh.points[:, 2] for group in raised if group.is_draped and len(group)]
+    return float(min(own.min() for own in ground)), float(max(own.max() for own in ground))
 
 
-def stand_on(document: dict[str, Any], relief: Relief) -> dict[str, Any]:
-    """Return a CityJSON ``document`` whose objects stand on the ``relief``; raises `MapError` as
+def check_relief(path: Path, lod: str) -> None:
+    """Raise `MapError` for a file or a level of detail without a relief."""
+    suffix = check_suffix(path)
+    if suffix not in SUFFIXES or lod == "0":
+        found = "footprints" if lod == "0" else f"the file {path.name}"
+        raise MapError(
+            f"a relief cannot be used with {found}",
+            f"a level of detail with solids, and a file name that ends in {', '.join(SUFFIXES)}",
+            "choose another level of detail or suffix, or leave the relief out",
+        )
+
+
+def stand_on(groups: Sequence[Group], about: About, relief: Relief) -> list[Group]:
+    """Return the ``groups`` of a scene on the ``relief``; raises `MapError` as
     `write_on_relief`."""
-    scale, (left, bottom, _) = document["transform"]["scale"][0], document["transform"]["translate"]
-    vertices = np.array(document["vertices"], np.int64).reshape(-1, 3)
-    points = vertices[:, :2] * scale + (left, bottom)
-    low, high = points.min(axis=0), points.max(axis=0)
-    heights = _sampler(relief, _code_of(document), (low, high))
-    at = np.round(heights(points) / scale).astype(np.int64)
-    objects, found, count = {}, [], 0
-    for name, given in document["CityObjects"].items():
-        if given["type"] == "LandUse" and name.startswith("ground"):
-            continue
-        corners = np.unique(np.array(_numbers(given["geometry"]), np.int64))
-        base = at[corners].min()
-        number = dict(zip(corners.tolist(), range(count, count + len(corners)), strict=True))
-        objects[name] = given | {"geometry": _renumbered(given["geometry"], number)}
-        found.append(vertices[corners] + (0, 0, base))
-        count += len(corners)
-    own, triangles = _triangulated(heights, low, high, relief.surface.spacing)
-    own = np.round((own - (left, bottom, 0)) / scale).astype(np.int64)
-    ground = {"type": "CompositeSurface", "lod": "1", "boundaries": (triangles + count).tolist()}
-    ground["boundaries"] = [[face] for face in ground["boundaries"]]
-    objects["ground"] = {"type": "TINRelief", "geometry": [ground]}
-    vertices = np.concatenate([*found, own])
-    extent = document["metadata"]["geographicalExtent"]
-    extent[2], extent[5] = (
-        float(end * scale) for end in (vertices[:, 2].min(), vertices[:, 2].max())
-    )
-    return document | {"CityObjects": objects, "vertices": vertices.tolist()}
+    size = np.array(about.size)
+    heights = _sampler(relief, about)
+    cells = [
+        min(MOST_CELLS, max(1, round(float(side) / step)))
+        for side, step in zip(size, relief.surface.spacing[::-1], strict=True)
+    ]
+    lines = [np.linspace(0, side, count + 1) for side, count in zip(size, cells, strict=True)]
+    step = float((size / cells).min())
+    found = []
+    for group in groups:
+        outlines = shapely.segmentize(group.polygons, step)
+        points, of = shapely.get_coordinates(outlines, return_index=True)
+        lift = np.full(len(group), np.inf)
+        np.minimum.at(lift, of, heights(points))
+        own = GroupRelief(lift, heights)
+        if is_surface(group):
+            pieces, row = cut_at_grid(group.polygons, *lines)
+            own = dataclasses.replace(own, pieces=pieces, of=row)
+        found.append(dataclasses.replace(group, relief=own))
+    return found
 
 
-def _code_of(document: dict[str, Any]) -> str | None:
-    system = document["metadata"].get("referenceSystem", "")
-    found = re.search(r"/crs/(\w+)/\w+/(\w+)$", system)
-    return f"{found[1]}:{found[2]}" if found else None
+def _code_of(about: About) -> str | None:
+    named = about.grid[0] if about.grid is not None else about.crs or ""
+    return named if re.fullmatch(r"\w+:\w+", named) else None
 
 
-def _sampler(relief: Relief, crs: str | None, box: tuple[np.ndarray, np.ndarray]):
-    """Return a function from places ``(k, 2)`` to heights, bilinear; raises `MapError`."""
+def _sampler(relief: Relief, about: About) -> Callable[[np.ndarray], np.ndarray]:
+    """Return a function from places ``(k, 2)``, metres from the corner of the scene, to the heights
+    of the relief there, bilinear; raises `MapError`."""
+    crs = _code_of(about)
     surface, (x, y) = relief.surface, relief.corner
-    if crs is None or relief.crs is None:
-        x, y = box[0][0], box[1][1]
-    elif crs != relief.crs:
+    offset, size = np.array(about.offset), np.array(about.size)
+    is_placed = crs is not None and relief.crs is not None
+    if is_placed and crs != relief.crs:
         raise MapError(
             f"the relief has the reference system {relief.crs}, and the scene has {crs}",
             "a relief in the reference system of the scene",
             f"convert the raster of the ground, for example with gdalwarp -t_srs {crs}",
         )
+    if not is_placed:
+        x, y = offset[0], offset[1] + size[1]
+    convert = about.grid[1] if is_placed and about.grid is not None else None
     heights, (down, across) = surface.heights(), surface.spacing
-    rows, columns = (np.arange(side) for side in heights.shape)
-    places = np.array([[box[0][0], box[1][1]], [box[1][0], box[0][1]]])
-    reached = np.column_stack([(y - places[:, 1]) / down, (places[:, 0] - x) / across])
-    # a pixel beyond the outer heights belongs to the raster; a map without a common system turns
     shape = np.array(heights.shape)
-    slack = np.ones(2) if crs is not None and crs == relief.crs else 1 + 0.05 * shape
+    grid = scipy.interpolate.RegularGridInterpolator([np.arange(side) for side in shape], heights)
+
+    def index(points: np.ndarray) -> np.ndarray:
+        places = points + offset
+        if convert is not None:
+            places = convert(places)
+        return np.column_stack([(y - places[:, 1]) / down, (places[:, 0] - x) / across])
+
+    reached = index(np.array([[0, 0], [0, 1], [1, 0], [1, 1]]) * size)
+    # a pixel beyond the outer heights belongs to the raster; a map without a common system turns
+    slack = np.ones(2) if is_placed else 1 + 0.05 * shape
     if (reached < -slack).any() or (reached > shape - 1 + slack).any():
+        corners = [offset.tolist(), (offset + size).tolist()]
         raise MapError(
             "the relief does not cover the map",
-            f"a relief from {box[0].tolist()} to {box[1].tolist()}",
+            f"a relief from {corners[0]} to {corners[1]}",
             "fit a surface to a larger raster of the ground",
         )
-    grid = scipy.interpolate.RegularGridInterpolator((rows, columns), heights)
 
     def sample(points: np.ndarray) -> np.ndarray:
-        place = np.column_stack([(y - points[:, 1]) / down, (points[:, 0] - x) / across])
-        return grid(np.clip(place, 0, np.array(heights.shape) - 1))
+        return grid(np.clip(index(points), 0, shape - 1)) if len(points) else np.zeros(0)
 
     return sample
-
-
-def _triangulated(heights, low: np.ndarray, high: np.ndarray, spacing: tuple[float, float]):
-    """Triangulate the ground between two corners: points ``(k, 3)``, triangles ``(t, 3)``."""
-    cells = [
-        min(MOST_CELLS, max(1, round(float(side) / step)))
-        for side, step in zip(high - low, spacing[::-1], strict=True)
-    ]
-    x, y = (np.linspace(low[k], high[k], cells[k] + 1) for k in range(2))
-    places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    corner = np.arange(len(places)).reshape(len(y), len(x))
-    a, b, c, d = (
-        corner[rows, columns].ravel()
-        for rows, columns in (
-            (slice(None, -1), slice(None, -1)), (slice(None, -1), slice(1, None)),
-            (slice(1, None), slice(1, None)), (slice(1, None), slice(None, -1)),
-        )
-    )  # fmt: skip
-    triangles = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
-    return np.column_stack([places, heights(places)]), triangles
-
-
-def _numbers(geometry: list[dict[str, Any]]) -> list[int]:
-    found: list[int] = []
-    stack: list[Any] = [one["boundaries"] for one in geometry]
-    while stack:
-        node = stack.pop()
-        if isinstance(node, list):
-            stack += node
-        else:
-            found.append(node)
-    return found
-
-
-def _renumbered(geometry: list[dict[str, Any]], number: dict[int, int]) -> list[dict[str, Any]]:
-    def renumber(node: Any) -> Any:
-        return [renumber(below) for below in node] if isinstance(node, list) else number[node]
-
-    return [own | {"boundaries": renumber(own["boundaries"])} for own in geometry]
