@@ -30,25 +30,32 @@ def _score(
     top, left = (row + 0.5) * ratio, (column + 0.5) * ratio
     # share of a building's area in points of the lot, at its size on the ground
     least = share * (scale if not np.isnan(axis) else scale * scale) / cell
-    looked, inside = 0, True
-    while looked < inner and inside:
-        y = top + a * down[looked] + b * along[looked]
-        x = left + c * down[looked] + d * along[looked]
-        inside = 0 <= y < height and 0 <= x < width
-        if inside:
-            seen[looked] = numbers[int(y), int(x)]
-            counts[seen[looked]] += 1
-            looked += 1
+    within = 0
+    for i in range(down.size):  # without branches, so it becomes vector code
+        y, x = top + a * down[i] + b * along[i], left + c * down[i] + d * along[i]
+        within += np.int64((y >= 0) & (y < height) & (x >= 0) & (x < width))
+    if within < down.size:
+        return -np.inf
+    for i in range(inner):
+        y, x = top + a * down[i] + b * along[i], left + c * down[i] + d * along[i]
+        seen[i] = numbers[np.uintp(y), np.uintp(x)]
+    # neighbours mostly show the same building, and stores of one number wait for each other
+    first = 0
+    while first < inner:
+        n, last = seen[first], first + 1
+        while last < inner and seen[last] == n:
+            last += 1
+        counts[n] += last - first
+        first = last
     all_built, front, again = 0, 0, 0
-    if inside:
-        for i in range(inner):
-            n = seen[i]
-            if n and counts[n] + 1 >= least * areas[n]:
-                all_built += 1
-                y, x = top + a * down[i] + b * along[i], left + c * down[i] + d * along[i]
-                again += used[min(int(y / ratio), tall - 1), min(int(x / ratio), wide - 1)]
-        # points are few, so the whole lot decides on small shares
-        inside = again <= 2 * repeats * all_built + 2
+    for i in range(inner):
+        n = seen[i]
+        if n and counts[n] + 1 >= least * areas[n]:
+            all_built += 1
+            y, x = top + a * down[i] + b * along[i], left + c * down[i] + d * along[i]
+            again += used[min(int(y / ratio), tall - 1), min(int(x / ratio), wide - 1)]
+    # points are few, so the whole lot decides on small shares
+    inside = again <= 2 * repeats * all_built + 2
     strip = down.size - inner
     less = 2 * max(abs(all_built / max(inner, 1) - coverage) - slack, 0)
     needed = (floor + less) * strip - 1e-6  # points of the strip, or the score is below the floor
@@ -58,12 +65,10 @@ def _score(
             inside = False
             break
         y, x = top + a * down[at] + b * along[at], left + c * down[at] + d * along[at]
-        inside = 0 <= y < height and 0 <= x < width
-        if inside:
-            n = numbers[int(y), int(x)]
-            front += n > 0 and counts[n] + 1 >= least * areas[n]
+        n = numbers[int(y), int(x)]
+        front += n > 0 and counts[n] + 1 >= least * areas[n]
         at += 1
-    for i in range(looked):
+    for i in range(inner):
         counts[seen[i]] = 0
     if not inside:
         return -np.inf
