@@ -205,6 +205,36 @@ class _Draws:
         return np.resize(self.draws, shape)
 
 
+@pytest.mark.parametrize("widened", [0.0, 8.0])
+def test_fits_are_laid_as_their_views_show(widened):
+    pair, rng = towns("leaves"), np.random.default_rng(1)
+    grid = Pavement(96, 96, 2)
+    options = {"spread": 0.03, "density": 0.1, "facades": 0.25, "repeats": 0.5}
+    filling = Filling(pair, grid, **options, widened=widened)
+    cells, turned = np.indices(filling.owner.shape), 0
+    for number in filling.numbers(0.0):
+        fit = filling.fit(number, 1, rng)
+        if fit is None:
+            continue
+        room = filling._room(number)
+        sources, bare = filling._sources.copy(), filling._bare.copy()
+        counts = filling._origins.counts.copy()
+        for axis in range(2):
+            np.copyto(sources[axis][room.within], fit.view(cells[axis]), where=room.block)
+        omitted = fit.view(filling._blocks[1].built) & ~fit.kept & room.block
+        bare[room.within] |= room.ring | omitted
+        np.add.at(counts, filling._origins.of[0][room.within][room.block | room.ring], -1)
+        np.add.at(counts, fit.view(filling._origins.of[1])[fit.kept], 1)
+        filling.lay(number, 1, fit)
+        assert np.array_equal(filling._sources, sources)
+        assert np.array_equal(filling._bare, bare)
+        assert np.array_equal(filling._origins.counts, counts)
+        assert (filling.owner[room.within][room.block | room.ring] == 1).all()
+        assert (filling._iso[room.within][room.block] == fit.iso).all()
+        turned += fit.iso > 0
+    assert turned > 2
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_what_fits_is_whole_and_inside(seed):
     room, _, donor = a_room(seed)

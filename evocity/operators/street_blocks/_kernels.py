@@ -243,21 +243,25 @@ def _runs(block, weights):
     return where[:, :count], worth[:count].copy(), area
 
 
-@vector_code("none", 0)
-def _add_runs(v, sums, start, before, after, worth, built, value):
-    """Sum, for `WIDTH` adjacent places from item ``start`` on, the built cells and their scores."""
-    total, gain = v.variable(v.zero), v.variable(v.zero)
+@vector_code("none", 1)
+def _add_runs(v, abreast, sums, start, before, after, worth, built, value):
+    """Sum, for ``abreast`` vectors of adjacent places from item ``start`` on, the built cells and
+    their scores. The compiler knows ``abreast``."""
+    totals, gains = ([v.variable(v.zero) for _ in range(abreast)] for _ in range(2))
     with v.loop(worth.shape[0]) as k:
-        ends = []
-        for end in (before, after):
-            place = v.plus(v.whole(end.at(k)), start)
-            ends.append(v.load(v.after(sums.start, place)))
-        found = v.sub(ends[1], ends[0])
-        v.builder.store(v.add(v.builder.load(total), found), total)
-        product = v.mul(v.spread(worth.at(k)), found)  # rounded alike on any machine
-        v.builder.store(v.add(v.builder.load(gain), product), gain)
-    v.store(v.builder.load(total), built.start)
-    v.store(v.builder.load(gain), value.start)
+        first, last = (
+            v.after(sums.start, v.plus(v.whole(end.at(k)), start)) for end in (before, after)
+        )
+        weight = v.spread(worth.at(k))
+        for g, (total, gain) in enumerate(zip(totals, gains, strict=True)):
+            ends = [v.load(v.after(one, g * WIDTH)) for one in (first, last)]
+            found = v.sub(ends[1], ends[0])
+            v.builder.store(v.add(v.builder.load(total), found), total)
+            product = v.mul(weight, found)  # rounded alike on any machine
+            v.builder.store(v.add(v.builder.load(gain), product), gain)
+    for g in range(abreast):
+        v.store(v.builder.load(totals[g]), v.after(built.start, g * WIDTH))
+        v.store(v.builder.load(gains[g]), v.after(value.start, g * WIDTH))
 
 
 @kernel
@@ -269,16 +273,26 @@ def _scores(sums, runs, density, tops, lefts):
     # places of the sums of both ends, of the block at the first place
     before = ((where[1] % 2 * rows + where[0]) * borders + where[1] // 2).astype(np.int32)
     after = ((where[2] % 2 * rows + where[0]) * borders + where[2] // 2).astype(np.int32)
-    built, value = np.empty(WIDTH, np.float32), np.empty(WIDTH, np.float32)
+    built, value = np.empty(4 * WIDTH, np.float32), np.empty(4 * WIDTH, np.float32)
     scores = np.empty((tops, lefts), np.float32)
     share, half, wanted = np.float32(1 / max(area, 1)), np.float32(0.5), np.float32(density)
     for top in range(tops):
-        for left in range(0, lefts, WIDTH):
+        left = 0
+        while left < lefts:
             start = STEP * top * borders + left
-            _add_runs(sums, start, before, after, worth, built, value)
-            for lane in range(min(WIDTH, lefts - left)):
+            if lefts - left > 3 * WIDTH:  # sums of many places do not wait for each other
+                _add_runs(4, sums, start, before, after, worth, built, value)
+                many = min(4 * WIDTH, lefts - left)
+            elif lefts - left > WIDTH:
+                _add_runs(2, sums, start, before, after, worth, built, value)
+                many = min(2 * WIDTH, lefts - left)
+            else:
+                _add_runs(1, sums, start, before, after, worth, built, value)
+                many = lefts - left
+            for lane in range(many):
                 apart = abs(built[lane] * share - wanted)
                 scores[top, left + lane] = value[lane] - half * apart
+            left += many
     return scores
 
 
@@ -343,3 +357,62 @@ def _whole(components, covered, stale, counts, block, weights, density, least, t
     if built < max(least, 1):
         return np.float32(-np.inf)
     return score - np.float32(abs(built / area - density) / 2)
+
+
+@kernel
+def _source(a, size, i, j):
+    """Find the place in a window of ``size`` that cell (i, j) shows of it, by the isometry of
+    affine row ``a``."""
+    return (
+        a[0] * (size[0] - 1) + a[2] * i + a[4] * j,
+        a[1] * (size[1] - 1) + a[3] * i + a[5] * j,
+    )
+
+
+@kernel
+def whole_cells(components, covered, block, a, top, left, kept):
+    """Mark in ``kept`` (r, c) the cells of a ``block`` that show a donor's component of which no
+    cell lies outside the block. The donor's window at (top, left) turns by affine row ``a``."""
+    tall, wide = block.shape
+    size = (tall, wide) if a[2] != 0 else (wide, tall)
+    counts = np.zeros(covered.size, np.int64)
+    for i in range(tall):
+        for j in range(wide):
+            if block[i, j]:
+                y, x = _source(a, size, i, j)
+                counts[components[top + y, left + x]] += 1
+    for i in range(tall):
+        for j in range(wide):
+            y, x = _source(a, size, i, j)
+            n = components[top + y, left + x]
+            kept[i, j] = block[i, j] and n > 0 and counts[n] == covered[n]
+
+
+@kernel
+def lay_fit(
+    block, ring, kept, down, along, donor, iso, top, left, affine, built, before, after,
+    counts, owner, isos, sources, bare,
+):  # fmt: skip
+    """Lay a donor's window at (top, left), turned by ``iso``, in a room at (down, along): its cells
+    ``kept`` in the ``block``, and bare ground in the ``ring`` and where ``built`` cells are
+    omitted. ``before`` and ``after`` (R, C) are the origins of the present map's and the donor's
+    cells, ``counts`` the number of each on the map. Changes the last five, see `Filling`."""
+    a = affine[iso]
+    size = block.shape if a[2] != 0 else (block.shape[1], block.shape[0])
+    for i in range(block.shape[0]):
+        for j in range(block.shape[1]):
+            v, u = down + i, along + j
+            if not (block[i, j] or ring[i, j]):
+                continue
+            counts[before[v, u]] -= 1
+            owner[v, u] = donor
+            if ring[i, j]:
+                bare[v, u] = True
+                continue
+            y, x = _source(a, size, i, j)
+            y, x = top + y, left + x
+            sources[0, v, u], sources[1, v, u], isos[v, u] = y, x, iso
+            if kept[i, j]:
+                counts[after[y, x]] += 1
+            elif built[y, x]:
+                bare[v, u] = True

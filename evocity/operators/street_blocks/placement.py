@@ -1,7 +1,7 @@
 """Placement: the best place of a map whose buildings fit into a street block of another."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -124,7 +124,7 @@ def best_place(
     of these without partial buildings wins. If the donor is the map ``itself``, places that overlap
     the block are illegal. ``sums``: `sums_of` the donor and ``stale``, if they are known.
     """
-    from evocity.operators.street_blocks._kernels import best_fit
+    from evocity.operators.street_blocks._kernels import best_fit, whole_cells
 
     tall, wide = room.block.shape
     excluded = [room.top, room.left, room.top + tall, room.left + wide] if itself else [0, 0, 0, 0]
@@ -137,12 +137,10 @@ def best_place(
     )  # fmt: skip
     if iso < 0:
         return None
-    fit = Fit(iso, top, left, room.block)
-    components = fit.view(donor.components)
-    counts = np.bincount(components[room.block], minlength=donor.covered.size)
-    whole = counts == donor.covered
-    whole[0] = False
-    return replace(fit, kept=whole[components] & room.block)
+    kept = np.empty(room.block.shape, bool)
+    turn = isometries.AFFINE[iso]
+    whole_cells(donor.components, donor.covered, room.block, turn, top, left, kept)
+    return Fit(iso, top, left, kept)
 
 
 def sums_of(donor: StreetBlocks, stale: np.ndarray) -> np.ndarray:

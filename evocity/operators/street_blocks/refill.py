@@ -44,8 +44,13 @@ class Origins:
 
     def count(self, origins: np.ndarray, step: int) -> None:
         """Add ``step`` to the number of each of the ``origins`` on the map."""
-        np.add.at(self._counts, origins, step)
+        np.add.at(self.counts, origins, step)
+
+    @property
+    def counts(self) -> np.ndarray:
+        """The number of each origin on the map, int64 ``(k,)``, which the caller may change."""
         self._known.clear()
+        return self._counts
 
     def stale(self, genome: int, built: np.ndarray, discount: float) -> np.ndarray:
         """Compute the discount of a genome's ``built`` cells, bool ``(R, C)``: float32 ``(R, C)``,
@@ -190,19 +195,20 @@ class Filling:
     def lay(self, number: int, donor: int, fit: Fit | None) -> None:
         """Lay a ``fit`` of a ``donor`` in a street block; None leaves it bare. The void replaces
         omitted buildings, and takes what wider streets gain."""
+        from evocity.operators.street_blocks._kernels import lay_fit
+
         room = self._room(number)
-        within, whole = room.within, room.block | room.ring
-        self._origins.count(self._origins.of[0][within][whole], -1)
-        self.owner[within][whole] = donor
         if fit is None:
+            within, whole = room.within, room.block | room.ring
+            self._origins.count(self._origins.of[0][within][whole], -1)
+            self.owner[within][whole] = donor
             self._bare[within] |= whole
             return
-        for sources, cells in zip(self._sources, self._cells, strict=True):
-            np.copyto(sources[within], fit.view(cells), where=room.block)
-        self._iso[within][room.block] = fit.iso
-        omitted = fit.view(self._blocks[donor].built) & ~fit.kept
-        self._bare[within] |= room.ring | (omitted & room.block)
-        self._origins.count(fit.view(self._origins.of[donor])[fit.kept], 1)
+        lay_fit(
+            room.block, room.ring, fit.kept, room.top, room.left, donor, fit.iso, fit.top, fit.left,
+            AFFINE, self._blocks[donor].built, self._origins.of[0], self._origins.of[donor],
+            self._origins.counts, self.owner, self._iso, self._sources, self._bare,
+        )  # fmt: skip
 
     def _room(self, number: int) -> Room:
         return Room.of(self.host, number, self._facades, self._widened)
