@@ -346,6 +346,31 @@ def order_nearby(middles, sums, reach, order):
 
 
 @kernel
+def trace_origins(index, built, city, top, left, side, source, turn, affine, pixels, places, lifs):
+    """Find the place of origin of each ``built`` pixel that shows a source city, row by row.
+
+    index : number of the lifs at each pixel; city : the number of its source city, or below 0.
+    top, left, side : its range block; source, turn : the packed corner and the isometry of its
+    place; affine : `isometries.AFFINE`. ``pixels`` (2, n) get row and column, ``places`` (3, n)
+    city, row and column, and ``lifs`` (n,) the number of the lifs. Returns the number of pixels.
+    """
+    count = 0
+    for y in range(index.shape[0]):
+        for x in range(index.shape[1]):
+            k = index[y, x]
+            if not built[y, x] or city[k] < 0:
+                continue
+            a, last = affine[turn[k]], side[k] - 1
+            down, along = y - top[k], x - left[k]
+            pixels[0, count], pixels[1, count] = y, x
+            places[0, count], lifs[count] = city[k], k
+            places[1, count] = source[k] // 32768 + a[0] * last + a[2] * down + a[4] * along
+            places[2, count] = source[k] % 32768 + a[1] * last + a[3] * down + a[5] * along
+            count += 1
+    return count
+
+
+@kernel
 def stand_elsewhere(places, pixels, apart, heads, following, again):
     """again[i] = whether the place of pixel i, or one around it, belongs to a pixel that is more
     than ``apart`` px from pixel i, along rows or columns.

@@ -11,7 +11,7 @@ from evocity.errors import FitnessError
 from evocity.fitness import _kernels
 from evocity.fitness.measure import Undefined
 from evocity.fitness.registry import fitness
-from evocity.genome import VOID, Genome, unpacked
+from evocity.genome import VOID, Genome
 from evocity.isometries import AFFINE
 
 #: Distance, metres, up to which two pixels of a map stand together and not elsewhere.
@@ -72,16 +72,14 @@ def repeated_places(city: CityMap, genome: Genome) -> np.ndarray:
 
     Raises `FitnessError` if the genome has a map of another size than ``city``.
     """
-    places = places_of_origin(city, genome)
+    pixels, places, _ = _trace(city, genome)
     apart = max(2, math.ceil(TOGETHER / city.metres_per_pixel))
     heads = np.zeros((1 << max(1, (max(city.shape) - 1).bit_length()),) * 2, np.int32)
-    again = np.zeros(places.rows.size, bool)
-    following = np.empty(places.rows.size, np.int32)
-    pixels = np.stack([places.rows, places.columns])
-    origins = np.stack([places.number, places.row, places.column])
-    _kernels.stand_elsewhere(origins, pixels, apart, heads, following, again)
+    again = np.zeros(pixels.shape[1], bool)
+    following = np.empty(pixels.shape[1], np.int32)
+    _kernels.stand_elsewhere(places, pixels, apart, heads, following, again)
     marked = np.zeros(city.shape, bool)
-    marked[places.rows[again], places.columns[again]] = True
+    marked[pixels[0, again], pixels[1, again]] = True
     return marked
 
 
@@ -109,6 +107,13 @@ def places_of_origin(city: CityMap, genome: Genome) -> Origins:
 
     Raises `FitnessError` if the genome has a map of another size than ``city``.
     """
+    pixels, places, lifs = _trace(city, genome)
+    return Origins(*pixels, *places, AFFINE[genome.turn].T[:, lifs])
+
+
+def _trace(city: CityMap, genome: Genome) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Find the rows and columns of the n built pixels that come from a source city, int64 ``(2,
+    n)``; their places of origin, city, row and column, int64 ``(3, n)``; and their lifs."""
     p = genome.pavement
     if city.shape != (p.height, p.width):
         raise FitnessError(
@@ -119,26 +124,16 @@ def places_of_origin(city: CityMap, genome: Genome) -> Origins:
         )
     names = {name: k for k, name in enumerate(dict.fromkeys(genome.cities))}
     number = np.array([-1 if name == VOID else names[name] for name in genome.cities])
-    number = number[genome.parent]
-    lifs = p.raster(np.arange(len(p), dtype=np.int32))
-    rows, columns = np.nonzero(city.built & (number >= 0)[lifs])
-    shown = lifs[rows, columns]
-    top, left, row, column = (
-        one.astype(np.int64) for one in (*p.corners, *unpacked(genome.source))
-    )
-    a, last = AFFINE[genome.turn].T, p.side - 1
-    # pixel (i, j) of the map shows (row + a[2] i + a[4] j, column + a[3] i + a[5] j)
-    row += a[0] * last - a[2] * top - a[4] * left
-    column += a[1] * last - a[3] * top - a[5] * left
-    a = a[:, shown]
-    return Origins(
-        rows,
-        columns,
-        number[shown],
-        row[shown] + a[2] * rows + a[4] * columns,
-        column[shown] + a[3] * rows + a[5] * columns,
-        a,
-    )
+    room = np.count_nonzero(city.built)
+    pixels, places = np.empty((2, room), np.int64), np.empty((3, room), np.int64)
+    lifs = np.empty(room, np.int32)
+    count = _kernels.trace_origins(
+        p.index, city.built, number[genome.parent], *p.corners, p.side, genome.source,
+        genome.turn, AFFINE, pixels, places, lifs,
+    )  # fmt: skip
+    if count == room:
+        return pixels, places, lifs
+    return pixels[:, :count].copy(), places[:, :count].copy(), lifs[:count]
 
 
 @fitness(goal="min", range=(0, 1), any_site=True)
