@@ -406,6 +406,48 @@ def level(heights, zones, count, step, roofs):
 
 
 @kernel
+def keep_large(zones, count, least):
+    """Number the ``count`` zones of at least ``least`` pixels from 1, in their order; others become
+    ground, 0. Returns how many stay."""
+    numbers = np.zeros(count + 1, np.int32)
+    for y in range(zones.shape[0]):
+        for x in range(zones.shape[1]):
+            numbers[np.uintp(zones[y, x])] += 1
+    left = 0
+    for a in range(count + 1):
+        large = a > 0 and numbers[a] >= least
+        left += large
+        numbers[a] = left if large else 0
+    for y in range(zones.shape[0]):
+        for x in range(zones.shape[1]):
+            zones[y, x] = numbers[np.uintp(zones[y, x])]
+    return left
+
+
+@kernel
+def mark_open(built, raised, parts, count, zones, medians, lone):
+    """Mark the ``built`` pixels without a zone for `grow_zones`, in ``zones``: −1, or −2 where none
+    of the ``count`` components ``parts`` has a zone. There ``lone`` is true, elsewhere false.
+    ``medians`` gets the height of each zone in ``raised``. Returns how many pixels are lone."""
+    filled = np.zeros(count + 1, np.bool_)
+    for y in range(zones.shape[0]):
+        for x in range(zones.shape[1]):
+            a = np.uintp(zones[y, x])
+            if a:
+                filled[np.uintp(parts[y, x])] = True
+                medians[a] = raised[y, x]
+    left = 0
+    for y in range(zones.shape[0]):
+        for x in range(zones.shape[1]):
+            alone = built[y, x] and not filled[np.uintp(parts[y, x])]
+            lone[y, x] = alone
+            left += alone
+            if built[y, x] and zones[y, x] == 0:
+                zones[y, x] = -2 if alone else -1
+    return left
+
+
+@kernel
 def grow_zones(heights, zones, roofs):
     """Open pixels, of zone −1, join zones that they touch by sides: again and again the pixel whose
     height is closest to the roof of such a zone; of equals, the one that was reached first, row by

@@ -144,28 +144,21 @@ def settled_roofs(
     zones, parts = np.empty((2, *heights.shape), np.int32)
     count = _kernels.flat_zones(heights, built, ROOF_STEP, zones)
     least = _least_pixels(CRUMB, metres_per_pixel**2, heights.size)
-    large = np.bincount(zones.ravel(), minlength=count + 1) >= least
-    large[0] = False
-    zones = np.where(large, large.cumsum(), 0).astype(np.int32)[zones]
-    count, seeds = int(large.sum()), zones > 0
+    count = _kernels.keep_large(zones, count, least)
     raised, medians = np.zeros(heights.shape, np.float32), np.zeros(count + 1, np.float32)
     _kernels.level(heights, zones.copy(), count, -1.0, raised)  # no two zones unite
-    medians[zones[seeds]] = raised[seeds]
     # a component without a zone has no roof to join
-    filled = np.zeros(_kernels.flat_zones(heights, built, np.inf, parts) + 1, bool)
-    filled[parts[seeds]] = True
-    lone = built & ~filled[parts]
-    zones[built & ~seeds & ~lone] = -1
-    zones[lone] = -2
+    components, lone = _kernels.flat_zones(heights, built, np.inf, parts), np.empty_like(built)
+    alone = _kernels.mark_open(built, raised, parts, components, zones, medians, lone)
     if keep is not None:
         zones[keep] = -2
     _kernels.grow_zones(heights, zones, medians)
-    zones = np.maximum(zones, 0)
-    raised = medians[zones]
-    if lone.any():
-        alone = zones_of(heights, lone, metres_per_pixel)
-        zones[lone], raised[lone] = count + alone[lone], heights[lone]
-        count += int(alone.max())
+    np.maximum(zones, 0, out=zones)
+    np.take(medians, zones, out=raised)
+    if alone:
+        ruins = zones_of(heights, lone, metres_per_pixel)
+        zones[lone], raised[lone] = count + ruins[lone], heights[lone]
+        count += int(ruins.max())
     _kernels.level(raised, zones, count, ROOF_STEP, roofs)
     return roofs
 
