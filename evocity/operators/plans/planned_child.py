@@ -288,7 +288,7 @@ class PlannedChild:
         whose = self._whose[here]
         self._count(here, -1)
         built, again = 0, 0
-        for parent in np.unique(whose[whose < len(self._parents)]).tolist():
+        for parent in self._shown(whose):
             places = tuple(axis[here][whose == parent] for axis in self._cells)
             own = self._built_of(parent)[places]
             built += int(np.count_nonzero(own))
@@ -323,10 +323,15 @@ class PlannedChild:
 
     def _count(self, here, step: int) -> None:
         whose = self._whose[here]
-        for parent in np.unique(whose[whose < len(self._parents)]).tolist():
+        for parent in self._shown(whose):
             own = whose == parent
             places = tuple(axis[here][own] for axis in self._cells)
             self._origins.count(self._origins.of[parent][places], step)
+
+    def _shown(self, whose: np.ndarray) -> list[int]:
+        """List the parents among the numbers ``whose`` of cells, in their order."""
+        counts = np.bincount(whose, minlength=1)[: len(self._parents)]
+        return np.flatnonzero(counts).tolist()
 
     def replan(
         self,

@@ -75,8 +75,9 @@ def skeleton(
             squares, nearest = nearest_built(walls)
     out = np.zeros(ground.shape, bool)
     if not closed:
+        wide, beyond = ground & (4 * squares >= least**2), ~within
         for step, axis in ((1, 0), (-1, 0), (1, 1), (-1, 1)):
-            side = ground & np.roll(~within, step, axis) & (4 * squares >= least**2)
+            side = wide & np.roll(beyond, step, axis)
             exits(pieces(side, corners=True)[0], squares, out)
     lines, across = ground.copy(), np.empty(ground.shape, np.float32)
     thin(~ground, squares, nearest, out, DENT, lines)
