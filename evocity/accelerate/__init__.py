@@ -29,7 +29,7 @@ class Kernel:
             return self.compiled(*arguments, **named)
         except SystemError as error:
             # a signal's handler raised an exception while numba made the result: Ctrl-C, mostly
-            cause: BaseException = error
+            cause = error
             while isinstance(cause, SystemError) and cause.__cause__ is not None:
                 cause = cause.__cause__
             raise cause from None
