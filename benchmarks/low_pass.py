@@ -1,9 +1,10 @@
-"""What low-pass filters simplify: python benchmarks/low_pass.py [--block B …]
+"""What low-pass filters simplify: python benchmarks/low_pass.py [--block B …] [--pixel M --side PX]
 
 For five districts at 256², coded with range blocks of one side and domain blocks from the whole
 map, as in the papers (Marsault 2002 §5.5, 2005 §2.4): buildings, crumbs a hectare, vertices of the
 outlines along pixels' edges, and GSI. First without a filter, then at f_c = 1, 10 and 100: pixels
-to ground by the calls of pixels (2002), range blocks flat by the calls of their domain blocks
+to ground by the calls of pixels (2002), in each iteration or only in the decoded picture; range
+blocks flat by the calls of their domain blocks
 (2005), and whole buildings to ground.
 """
 
@@ -15,7 +16,7 @@ from _machine import description
 
 import evocity
 from evocity.citymap import CityMap
-from evocity.coding import low_pass
+from evocity.coding import low_pass, usage
 from evocity.fitness import crumbs, gsi
 from evocity.io import cities
 
@@ -34,16 +35,27 @@ def row(city: CityMap) -> tuple[float, ...]:
     return len(city.buildings.area), float(crumbs(city)), vertices, float(gsi(city))
 
 
-def main(blocks: list[int], names: list[str]) -> None:
+def window(name: str, pixel: float | None, side: int | None) -> CityMap:
+    city = evocity.read_map(name, **({} if pixel is None else {"metres_per_pixel": pixel}))
+    if side is None:
+        return city
+    top, left = ((own - side) // 2 for own in city.shape)
+    return city.replace(np.ascontiguousarray(city.heights[top : top + side, left : left + side]))
+
+
+def main(blocks: list[int], names: list[str], pixel: float | None, side: int | None) -> None:
     print(description())
     for block in blocks:
         for name in names:
-            genome = evocity.encode(evocity.read_map(name), block=block, reach=None).genome
+            genome = evocity.encode(window(name, pixel, side), block=block, reach=None).genome
             print(
                 f"\n{name}, B = {block}: {'buildings':>32}{'crumbs':>10}{'vertices':>10}{'GSI':>8}"
             )
-            plain = row(evocity.decode(genome).city)
-            rows = {"no filter": plain}
+            city, calls = evocity.decode(genome).city, usage(genome).pixels
+            rows = {"no filter": row(city)}
+            for f_c in FREQUENCIES:
+                filtered = city.replace(np.where(calls > f_c, 0, city.heights))
+                rows[f"pixels of the picture, f_c = {f_c}"] = row(filtered)
             for way, how in WAYS.items():
                 for f_c in FREQUENCIES:
                     filtered = evocity.decode(low_pass(genome, f_c, **how)).city
@@ -56,5 +68,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME", default=list(cities()))
     parser.add_argument("--block", type=int, nargs="+", default=[4, 8], help="side, px")
+    parser.add_argument("--pixel", type=float, help="metres a pixel, by default of the district")
+    parser.add_argument("--side", type=int, help="side of a window in the middle, px")
     given = parser.parse_args()
-    main(given.block, given.names)
+    main(given.block, given.names, given.pixel, given.side)

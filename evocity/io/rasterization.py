@@ -244,8 +244,8 @@ def crs_of(city: CityMap, name: str) -> CRS:
         raise MapError(
             f"{city.name} has no position in a coordinate reference system, but {name} needs a "
             "position",
-            "a map with a reference system and an origin, or a mask of the map's own pixels",
-            "give a mask as .npy, .png or .tif instead",
+            "a map with a reference system and an origin, or a raster of the map's own pixels",
+            "give a raster of the whole map, without a reference system, instead",
         )
     try:
         return CRS.from_user_input(city.crs)

@@ -10,6 +10,8 @@ from importlib import import_module
 
 import numpy as np
 import pytest
+import rasterio
+from affine import Affine
 from cli_tools import AT_2_M, PLAIN, call, contents, refused, write_town
 
 import evocity
@@ -133,6 +135,30 @@ def test_a_field_measure_without_space_leaves_no_file(tmp_path, monkeypatch, ful
     assert {"dense.csv", "dense.py"} < {path.name for path in tmp_path.iterdir()}
     (tmp_path / "dense.py").unlink()
     refused(tmp_path, *words, says="dense.csv' exists already")
+
+
+def write_field_raster(path, crs, left, top, pixel):
+    transform = Affine(pixel, 0, left, 0, -pixel, top)
+    with rasterio.open(
+        path, "w", driver="GTiff", height=4, width=4, count=1, dtype="float32", crs=crs,
+        transform=transform, nodata=-1,
+    ) as target:  # fmt: skip
+        target.write(np.full((1, 4, 4), 1.5, np.float32))
+
+
+def test_a_field_outside_the_map_or_without_its_place_is_refused(tmp_path):
+    town, outside = write_town(tmp_path / "town.npy"), tmp_path / "outside.csv"
+    outside.write_text("x,y,fsi\n1e6,1e6,1.5\n")
+    # one degree west of Lyon, and on Lyon, which a map without a place does not have
+    write_field_raster(tmp_path / "west.tif", "EPSG:4326", 3.83, 45.77, 1e-4)
+    write_field_raster(tmp_path / "placed.tif", "EPSG:2154", 842_000, 6_520_000, 10)
+    for city, field, says in (
+        ([town, *AT_2_M], outside, "none of the 1 places"),
+        (["lyon-1er"], tmp_path / "west.tif", "none of the 16 places"),
+        ([town, *AT_2_M], tmp_path / "placed.tif", "raster of the map's own pixels"),
+    ):
+        words = "fitness", "new", "dense", "--field", field, "--map", *city, "-o", tmp_path
+        refused(tmp_path, *words, says=says)
 
 
 # -- check -----------------------------------------------------------------------------------
