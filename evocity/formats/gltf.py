@@ -97,7 +97,7 @@ class _Writer:
         elif form is not None:
             shared[:] = True
         whole = mesh_of(group)
-        single = whole.select(~shared[whole.owner])
+        single = whole.select(~shared[whole.owner]) if shared.any() else whole
         table = None
         if (merge and len(single.triangles)) or (instances and shared.any()):
             table = self.table()
@@ -135,8 +135,9 @@ class _Writer:
         extras = _extras(columns)
         nodes = []
         for k, (x, y, _) in zip(owners.tolist(), origins[owners].tolist(), strict=True):
-            value = {"name": names[k], "mesh": meshes[k], "translation": [x, 0.0, 0.0 - y]}
-            nodes.append(self.document.append("nodes", value | {"extras": extras[k]}))
+            place = [x, 0.0, 0.0 - y]
+            value = {"name": names[k], "mesh": meshes[k], "translation": place, "extras": extras[k]}
+            nodes.append(self.document.append("nodes", value))
         return nodes
 
     def _copies(
@@ -214,7 +215,8 @@ class _Writer:
         a property ``table``, corners have the number of their solid. Returns the primitives of
         each batch, as JSON."""
         document = self.document
-        numbers, starts = np.unique(corner, return_index=True)
+        starts = np.flatnonzero(np.diff(corner, prepend=-1))
+        numbers = corner[starts]
         counts = np.diff(np.r_[starts, len(corner)])
         placed = _y_up(points)
         # glTF counts v downwards
@@ -230,13 +232,16 @@ class _Writer:
             bounds = bounds_of(placed, starts) if name == "POSITION" else None
             kind = KINDS[width]
             first[name] = document.accessors(name, places, counts.tolist(), "<f4", kind, bounds)
+        # a scene has some thousands of primitives, so each is text at once
+        template = ",".join([f'"{name}":%d' for name in first])
+        rows = np.array(list(first.values())) + np.arange(len(numbers))[:, None]
+        attributes = [template % tuple(row) for row in rows.tolist()]
         batch = np.searchsorted(numbers, triangle)
         local = made.triangles - starts[batch][:, None]
         indices = self._indices(local, batch, counts < MOST, made.of_roof & self._split)
         found = {}
         for k, number in enumerate(numbers.tolist()):
-            attributes = ",".join([f'"{name}":{index + k}' for name, index in first.items()])
-            shared = f'"attributes":{{{attributes}}}'
+            shared = f'"attributes":{{{attributes[k]}}}'
             if table is not None:
                 objects = len(np.unique(made.owner[starts[k] : starts[k] + counts[k]]))
                 feature = {"featureCount": objects, "attribute": 0, "propertyTable": table}
@@ -264,7 +269,8 @@ class _Writer:
                 continue
             pool, step = f"indices {kind}", 3 * int(kind[2])
             at = document.add(pool, local[own].astype(kind).ravel(), "indices")
-            parts, starts = np.unique(part[own], return_index=True)
+            starts = np.flatnonzero(np.diff(part[own], prepend=-1))
+            parts = part[own][starts]
             counts = 3 * np.diff(np.r_[starts, np.count_nonzero(own)])
             places = (at + starts * step).tolist()
             first = document.accessors(pool, places, counts.tolist(), kind, "SCALAR")
@@ -312,6 +318,8 @@ def _moves(copies: Copies, lift: np.ndarray) -> dict[str, np.ndarray]:
 def _extras(columns: dict[str, list]) -> list[dict[str, Any]]:
     """Return the properties of each object, without missing values."""
     rows = zip(*columns.values(), strict=True)
+    if not any(None in values for values in columns.values()):
+        return [dict(zip(columns, row, strict=True)) for row in rows]
     return [
         {name: value for name, value in zip(columns, row, strict=True) if value is not None}
         for row in rows

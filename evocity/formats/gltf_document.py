@@ -16,6 +16,9 @@ KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 #: Indices of 16 bits stay below this: it would begin a new strip.
 MOST = 2**16 - 1
 
+# One encoder for all values: `json.dumps` makes a new one each time.
+_ENCODER = json.JSONEncoder(ensure_ascii=False, separators=(",", ":"))
+
 
 class Document:
     """A glTF document to which arrays and members are added.
@@ -143,7 +146,7 @@ def _place(views: list[dict], body: bytearray, data: bytes, view: dict) -> None:
 
 def to_json(value: Any) -> str:
     """Write ``value`` as JSON without spaces."""
-    return json.dumps(value, ensure_ascii=False, separators=(",", ":"))
+    return _ENCODER.encode(value)
 
 
 def bounds_of(points: np.ndarray, starts: np.ndarray) -> list[str]:
