@@ -790,6 +790,31 @@ def test_regions_fields_and_a_mask_are_what_python_makes_of_them(opened, tmp_pat
         assert [float(one) for one in row] == pytest.approx(right, rel=1e-3)
 
 
+#: Ask for a run that is new to a look for runs that is under way.
+LATE = """async () => {
+  await studio.searching;
+  const runs = studio.listed.slice(0, 1), real = window.fetch;
+  window.fetch = async (...asked) => {
+    if (!String(asked[0]).includes("/runs")) return real(...asked);
+    window.fetch = real;
+    await real(...asked);
+    return new Response(JSON.stringify({ runs, more: 0 }));
+  };
+  studio.listed = runs;
+  studio.search();
+  studio.showRun(1);
+}"""
+
+
+@pytest.mark.slow
+def test_a_new_run_is_shown_although_a_look_for_runs_is_under_way(opened, folder, tmp_path):
+    other = written(tmp_path / "other", [births(0, 30)], wanted=WANTED[:1]).path
+    with running_server(folder, other) as server:
+        page = opened(server, axes=False)
+        page.evaluate(LATE)
+        until(page, "studio.run.number === 1 && studio.run.viewer")
+
+
 @pytest.mark.long
 def test_runs_are_gone_through_by_keys_and_lie_beside_each_other(opened, folder, tmp_path):
     other = written(tmp_path / "other", [births(0, 30)], wanted=WANTED[:1]).path

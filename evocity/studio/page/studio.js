@@ -63,11 +63,15 @@ class Studio {
 
   isRun(run) { return this.listed.some((one) => one.run === run); }
 
-  /** Look for runs from time to time; show those in the address once there are some. */
-  async search() {
+  /** Look for runs, once at a time. */
+  search() {
+    this.searching ||= this.searchOnce().finally(() => { this.searching = null; });
+    return this.searching;
+  }
+
+  /** Look for runs now and from time to time; show those in the address once there are some. */
+  async searchOnce() {
     clearTimeout(this.timer);
-    if (this.searching) return;
-    this.searching = true;
     try {
       const { runs, more } = await getJson("runs");
       this.list(runs, more);
@@ -77,7 +81,6 @@ class Studio {
     } catch (error) {
       this.report(error, "runs");
     }
-    this.searching = false;
     this.timer = setTimeout(() => this.search(), document.hidden ? HIDDEN : VISIBLE);
   }
 
@@ -123,7 +126,7 @@ class Studio {
 
   /** Show a run in place of the desk. */
   async showRun(run) {
-    if (!this.isRun(run)) await this.search();
+    for (let tries = 0; tries < 2 && !this.isRun(run); tries++) await this.search(); // the first may be older than the run
     if (!this.isRun(run)) return;
     history.pushState(null, "", `/#${encodeURIComponent(JSON.stringify(this.states.get(run) || { run }))}`);
     this.go();
