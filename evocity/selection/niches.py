@@ -127,11 +127,13 @@ class Twins:
 
     def sift(self, births: Sequence[Individual], living: Sequence[Individual]) -> list[Individual]:
         """Return the ``living`` individuals and the ``births`` without twins among them and among
-        earlier births. If a birth breaks constraints less than its twins, it replaces them."""
+        earlier births. If a birth has the plan of its twins, and breaks constraints less than all
+        of them, it replaces them: the last individual with a plan leaves no place to another plan.
+        """
         entered = list(living)
         for one in births:
             twins = [other for other in entered if self._are_twins(one, other)]
-            if all(other.violation > one.violation for other in twins):
+            if all(other.violation > one.violation and other.plan == one.plan for other in twins):
                 entered = [other for other in entered if other not in twins]
                 entered.append(one)
         return entered

@@ -166,7 +166,8 @@ def test_twins_differ_in_few_pixels(seed, share):
         fresh[changed] += rng.choice([2.9, 3.1, 9.0])
         maps.append(fresh)
     cities = [CityMap(one, 2.0) for one in maps]
-    own = living([(None, False)] * 6, violations=rng.integers(0, 2, 6))
+    plans = [(str(rng.choice(["a", "b"])), False) for _ in maps]
+    own = living(plans, violations=rng.integers(0, 2, 6))
 
     def differing(one, other):
         return np.mean(np.rint(np.abs(maps[one.id] - maps[other.id]) * 10) > 30)
@@ -174,7 +175,8 @@ def test_twins_differ_in_few_pixels(seed, share):
     entered = own[:2]
     for one in own[2:]:
         alike = [other for other in entered if differing(one, other) < share]
-        if not any(other.violation <= one.violation for other in alike):
+        worse = [other for other in alike if other.violation > one.violation]
+        if all(other in worse and other.plan == one.plan for other in alike):
             entered = [other for other in entered if other not in alike] + [one]
     twins = Twins(share, lambda one: look_of(cities[one.id]), lambda one: cities[one.id])
     assert twins.sift(own[2:], own[:2]) == entered
