@@ -23,6 +23,8 @@ CITYJSON = frozenset(LEVELS) - {"afar"}
 _DOUBLED = 4
 # Tolerance with which surfaces on the ground are simplified, metres.
 _FLAT_TOLERANCE = {"1.2": 1.0, "1.0": 3.0}
+# Least distance between a corner of a simplified surface and its other edges, metres.
+_CLEAR = 2e-3
 
 
 @dataclass(frozen=True)
@@ -124,10 +126,10 @@ def detailed(groups: tuple[Group, ...], level: str) -> tuple[Group, ...]:
     solid = [group for group in groups if not is_surface(group)]
     flat = [_level(group) for group in groups if is_surface(group)]
     if level == "0":
-        flat = _plain(flat, 0.0) if len(flat) > 1 else _without_footprints(flat, solid)
+        flat = simplify_ground(flat, 0.0) if len(flat) > 1 else _without_footprints(flat, solid)
         return (*flat, *map(_footprints, solid))
     if len(flat) > 1:
-        flat = _plain(flat, _FLAT_TOLERANCE[level])
+        flat = simplify_ground(flat, _FLAT_TOLERANCE[level])
     if level in ("1.0", "afar"):
         solid = [_take(group, _identified(group)) for group in solid]
     return (*flat, *(dataclasses.replace(group, floors=False) for group in solid))
@@ -167,13 +169,22 @@ def _without_footprints(flat: list[Group], solid: list[Group]) -> list[Group]:
     return found
 
 
-def _plain(flat: list[Group], tolerance: float) -> list[Group]:
+def simplify_ground(flat: list[Group], tolerance: float) -> list[Group]:
     """Simplify level surfaces on the ground together, as one coverage. Edges along
-    buildings keep their points."""
+    buildings keep their points. A surface that would touch itself keeps all its points."""
     polygons = np.concatenate([np.empty(0, object), *(group.polygons for group in flat)])
     if not tolerance or not shapely.coverage_is_valid(polygons):
         return flat
-    simple = shapely.coverage_simplify(polygons, tolerance, simplify_boundary=False)
+    simple, rows = polygons.copy(), np.arange(len(polygons))
+    while len(rows):
+        made = shapely.coverage_simplify(polygons[rows], tolerance, simplify_boundary=False)
+        simple[rows] = made
+        close = shapely.minimum_clearance(made)
+        touching = close < np.minimum(_CLEAR, shapely.minimum_clearance(polygons[rows]))
+        if not touching.any():
+            break
+        simple[rows[touching]] = polygons[rows[touching]]
+        rows = rows[~touching]
     simple = np.split(simple, np.cumsum([len(group) for group in flat])[:-1])
     return [
         dataclasses.replace(group, polygons=own) for group, own in zip(flat, simple, strict=True)

@@ -12,10 +12,10 @@ import evocity
 from evocity.citymap import CityMap
 from evocity.errors import MapError
 from evocity.formats.materials import is_surface
-from evocity.formats.solids import FLOOR
+from evocity.formats.solids import FLOOR, Group
 from evocity.scene import LEVELS
 from evocity.scene.blocks import merge_parts, neighbours, walls_at
-from evocity.scene.detail import Level
+from evocity.scene.detail import Level, simplify_ground
 
 SOLID = ("1.3", "1.2", "1.0", "afar")
 
@@ -109,6 +109,22 @@ def test_footprints_lie_in_the_ground():
     standing = shapely.union_all(np.concatenate([group.polygons for group in solids(scene)]))
     assert sum(shapely.area(shapely.intersection(g.polygons, standing)).sum() for g in surfaces) < 1
     assert all((group.mesh.points[:, 2] == 0).all() for group in scene.groups)
+
+
+def test_simple_ground_does_not_touch_itself_at_a_building():
+    # without the corner (87.5, 419), the outline passes the building's corner (88, 416)
+    right = [(88.8, 400), (88.8, 413.8), (87.5, 419), (84.8, 424.8)]
+    outline = shapely.Polygon([(74, 400), *right, (74, 424.8)])
+    pavement = shapely.difference(outline, shapely.box(80, 408, 88, 416))
+    street = shapely.difference(shapely.box(60, 390, 100, 440), outline)
+    polygons = [np.array([one], dtype=object) for one in (street, pavement)]
+    (touching,) = shapely.coverage_simplify(np.concatenate(polygons), 3.0)[1:]
+    assert shapely.minimum_clearance(touching) < 1e-6
+    names = zip(("street", "pavement"), polygons, strict=True)
+    flat = [Group(name, (0, 0, 0), own, np.zeros(1)) for name, own in names]
+    simple = np.concatenate([group.polygons for group in simplify_ground(flat, 3.0)])
+    assert shapely.minimum_clearance(simple).min() > 0.1
+    assert shapely.coverage_is_valid(simple)
 
 
 def test_cityjson_says_its_level(tmp_path):
