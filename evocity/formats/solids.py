@@ -290,21 +290,27 @@ def _mesh(
     count = len(points)
     prism = np.ones(len(polygons), bool) if roofs is None else ~roofs.owned(len(polygons))
     raised = prism[owner]
-    above = count + np.cumsum(raised) - 1  # the point above each point
+    above = count - 1 + np.cumsum(raised, dtype=np.int32)  # the point above each point
     # walls: from each point to the next of its ring
     a = np.flatnonzero((heights[owner] > 0) & raised)
     b = after[a]
-    walls = np.concatenate(
-        [np.stack([a, b, above[b]], axis=1), np.stack([a, above[b], above[a]], axis=1)]
-    )
+    walls = np.empty((2, len(a), 3), np.int32)
+    walls[0, :, 0] = walls[1, :, 0] = a
+    walls[0, :, 1], walls[1, :, 2] = b, above[a]
+    walls[0, :, 2] = walls[1, :, 1] = above[b]
     floor, of_floor = _triangles(polygons, points, owner)
+    floor, owner = floor.astype(np.int32), owner.astype(np.int32)
+    of_floor = of_floor.astype(np.int32)
     high = heights[of_floor] > 0
     flat = prism[of_floor]
     tops = np.where(high[:, None], above[floor], floor)[flat]
     floors, of_floors = floor[high][:, ::-1], of_floor[high]
-    parts = [floors, walls, tops]
-    owners = [of_floors, np.r_[owner[a], owner[a]], of_floor[flat]]
-    part = [np.full(len(rows), kind) for rows, kind in zip(parts, (FLOOR, WALL, ROOF), strict=True)]
+    parts = [floors, walls.reshape(-1, 3), tops]
+    owners = [of_floors, owner[a], owner[a], of_floor[flat]]
+    part = [
+        np.full(len(rows), kind, np.uint8)
+        for rows, kind in zip(parts, (FLOOR, WALL, ROOF), strict=True)
+    ]
     tall = np.column_stack([points, heights[owner]])[raised]
     levels = [np.column_stack([points, np.zeros(count)]), tall]
     if roofs is not None:
@@ -318,9 +324,9 @@ def _mesh(
         levels.append(roofs.points)
     return Mesh(
         points=np.concatenate(levels),
-        triangles=np.concatenate(parts).astype(np.int32).reshape(-1, 3),
-        owner=np.concatenate(owners).astype(np.int32),
-        part=np.concatenate(part).astype(np.uint8),
+        triangles=np.concatenate(parts).astype(np.int32, copy=False).reshape(-1, 3),
+        owner=np.concatenate(owners).astype(np.int32, copy=False),
+        part=np.concatenate(part).astype(np.uint8, copy=False),
     )
 
 
