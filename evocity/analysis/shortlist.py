@@ -263,8 +263,8 @@ class _Choice:
             return "It gave up nothing."
         goal, best = self.births.goals[worst], self.best(worst)
         aim = self._aims.get(goal)
-        wanted = aim is not None and aim.total is None and aim.target is not None
-        meant = f"for a target of {aim.target:.4g}, " if wanted else ""
+        target = None if aim is None or aim.total is not None else aim.target
+        meant = "" if target is None else f"for a target of {target:.4g}, "
         return (
             f"It gave up {goal}: {self.value(row, worst)}; {meant}the best has "
             f"{self.value(best, worst)}."

@@ -108,7 +108,8 @@ def places_of_origin(city: CityMap, genome: Genome) -> Origins:
     Raises `FitnessError` if the genome has a map of another size than ``city``.
     """
     pixels, places, lifs = _trace(city, genome)
-    return Origins(*pixels, *places, AFFINE[genome.turn].T[:, lifs])
+    (rows, columns), (number, row, column) = pixels, places
+    return Origins(rows, columns, number, row, column, AFFINE[genome.turn].T[:, lifs])
 
 
 def _trace(city: CityMap, genome: Genome) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -56,8 +56,8 @@ def cut_at_grid(
         sides = [lines[strip], low, lines[strip + 1], high]
         order = [0, 1, 2, 3] if axis == 0 else [1, 0, 3, 2]
         boxes = shapely.box(*(sides[k] for k in order))
-        parts = np.where(counts[row] == 1, pieces[row], None)
-        cut = counts[row] > 1
+        parts, cut = pieces[row], counts[row] > 1
+        parts[counts[row] < 1] = None
         parts[cut] = shapely.intersection(pieces[row[cut]], boxes[cut])
         pieces, chosen = polygons_of(parts, _LEAST)
         of = of[row[chosen]]

@@ -185,9 +185,9 @@ def simplify_ground(flat: list[Group], tolerance: float) -> list[Group]:
             break
         simple[rows[touching]] = polygons[rows[touching]]
         rows = rows[~touching]
-    simple = np.split(simple, np.cumsum([len(group) for group in flat])[:-1])
+    parts = np.split(simple, np.cumsum([len(group) for group in flat])[:-1])
     return [
-        dataclasses.replace(group, polygons=own) for group, own in zip(flat, simple, strict=True)
+        dataclasses.replace(group, polygons=own) for group, own in zip(flat, parts, strict=True)
     ]
 
 

@@ -614,7 +614,9 @@ def test_cities_are_compared_with_those_named():
 
 def test_individuals_of_a_run_are_compared_with_its_sources(finished):
     told = call("score", finished, "--id", 1, "--fitness", "fabric_distance").stdout
-    assert "the comparison needs 20" in told  # its toy towns are too small; without them it would ask
+    assert (
+        "the comparison needs 20" in told
+    )  # its toy towns are too small; without them it would ask
 
 
 def test_measures_that_compare_are_checked_and_timed():

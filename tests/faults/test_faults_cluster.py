@@ -413,8 +413,7 @@ def test_a_dask_worker_that_is_killed_costs_nothing(cluster, machines, genome, t
     assert within(60, lambda: not any(map(alive, family)))
     # the loop starts another, which takes part
     assert within(120, lambda: len(engine._link.sites()) == 2)
-    engine.run("evaluate", jobs)
-    assert engine.size == 2
+    assert within(120, lambda: bool(engine.run("evaluate", jobs)) and engine.size == 2)
 
 
 @pytest.mark.long

@@ -233,7 +233,7 @@ def test_a_worker_or_the_nursery_killed_from_outside_costs_nothing(pool, genome,
             one.unlink()
         before = len(told)
 
-        def kill(victim=victim):
+        def kill(victim=victim, before=before):
             while not go.exists():
                 seats = [seat.pid for seat in list(good._seats.values())]
                 if len(at_work := set(seats) & set(noted(notes))) == 2:
@@ -241,6 +241,7 @@ def test_a_worker_or_the_nursery_killed_from_outside_costs_nothing(pool, genome,
                     chosen = {"worker": seats[:1], "all": at_work, "nursery": [nursery]}[victim]
                     for pid in chosen:
                         os.kill(pid, signal.SIGKILL)
+                    within(lambda: len(told) > before, 120)
                     go.touch()
                 time.sleep(0.01)
 

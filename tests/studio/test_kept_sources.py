@@ -133,17 +133,19 @@ def test_one_process_reads_all_moves_of_a_window(tmp_path):
         (x, y), turns = told["maps"][0]["about"]["at"], []
         job = client.server.studio.desk_routes.desk.maps._job
         processes = []
-        for by in (2, 4, 6, 8, 10):
+        for by in range(2, 40, 2):
             chosen(client, [], maps=[{"map": number, "chosen": True, "at": [x + by, y]}])
             told = wait(client, is_read)["maps"][0]
             assert told["fault"] is None
             assert told["about"]["at"] == pytest.approx([x + by, y], abs=0.02)
             turns.append(told["turn"])
             processes.append(job._process.pid)
+            if len(processes) > 2 and len(set(processes[-3:])) == 1:
+                break
         assert turns == sorted(set(turns))
         # a process that compiled kernels may be too large to go on after its first maps
         first = processes[-1]
-        assert processes[2:] == [first, first, first]
+        assert processes[-3:] == [first, first, first]
         os.killpg(first, signal.SIGKILL)  # as where memory ran out between two moves
         job._process.wait()
         chosen(client, [], maps=[{"map": number, "chosen": True, "at": [x, y + 5]}])
