@@ -11,11 +11,11 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
 
-from evocity.errors import EvocityError
-
+TYPE_CHECKING = False  # type checkers take it as true; `typing` takes 2 ms to load
 if TYPE_CHECKING:
+    from typing import Any
+
     import pandas as pd
 
 
@@ -57,6 +57,8 @@ def library(name: str, what: str, extra: str = "notebook") -> ModuleType:
     try:
         return import_module(name)
     except ImportError:
+        from evocity.errors import EvocityError  # `import evocity` loads no texts of errors
+
         raise EvocityError(
             f"{what} needs {name}, which is not installed",
             f"evocity, installed with the extra '{extra}'",
@@ -64,7 +66,9 @@ def library(name: str, what: str, extra: str = "notebook") -> ModuleType:
         ) from None
 
 
-def frame_of(columns: Any, index: Any, name: str, heads: list[str] | None = None) -> "pd.DataFrame":
+def frame_of(
+    columns: "Any", index: "Any", name: str, heads: list[str] | None = None
+) -> "pd.DataFrame":
     """Return a pandas frame with the ``index`` of this ``name``. Raises as `library`."""
     pandas = library("pandas", f"a table by {name}")
     return pandas.DataFrame(columns, pandas.Index(index, name=name), heads)
