@@ -4,7 +4,6 @@ line of JSON; its results leave as lines of JSON."""
 import json
 import os
 import queue
-import sys
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 
 from evocity.citymap import CityMap
 from evocity.errors import EvocityError, describe_error
+from evocity.evaluation import linux_processes
 from evocity.studio.birth_growth import grow_birth
 from evocity.studio.kept_sources import keep_sources
 
@@ -21,7 +21,7 @@ from evocity.studio.kept_sources import keep_sources
 LARGEST = 640
 
 
-#: Seconds that a process waits for another job; bytes of its memory above which it ends.
+#: Seconds that a process waits for another job; bytes of its memory above which it ends, on Linux.
 IDLE, LARGEST_PROCESS = 300.0, 1 << 30
 
 
@@ -42,7 +42,8 @@ def main() -> None:
     _do(job, send)
     while job.get("lasts"):
         send(waits=True)
-        if _most_memory() > LARGEST_PROCESS:
+        # not the peak: that begins with the memory of the process that started this one
+        if linux_processes.resident_memory(os.getpid()) > LARGEST_PROCESS:
             return
         try:
             job = json.loads(lines.get(timeout=IDLE))
@@ -71,16 +72,6 @@ def _read_lines(lines: "queue.SimpleQueue[bytes]") -> None:
         for line in whole:
             lines.put(line)
     os._exit(1)
-
-
-def _most_memory() -> int:
-    """The most bytes of memory that this process had at a time; 0 where that is unknown."""
-    try:
-        import resource
-    except ImportError:
-        return 0
-    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return most if sys.platform == "darwin" else most << 10
 
 
 def _read_maps(job: Mapping, send: Callable) -> None:
