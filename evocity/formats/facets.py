@@ -49,15 +49,13 @@ def facets(mesh: Mesh, tiles: np.ndarray) -> Facets:
     keys = np.empty(count, np.int64)
     major = mesh.owner.astype(np.int64) * 2 + roof
     _kernels.keys_of_faces(mesh.points, mesh.triangles, major, _STEPS, keys)
-    keys, face = np.unique(keys, return_inverse=True)
-    # numbers that no other triangle has, which sort faster than equal ones in their order
-    order = np.argsort(face * count + np.arange(count))
-    face = face[order]
-    firsts = order[np.searchsorted(face, np.arange(len(keys)))]
+    order = np.argsort(keys, kind="stable")
+    begins = np.diff(keys[order], prepend=-1) != 0  # keys are 0 or more
+    face, firsts = np.cumsum(begins) - 1, order[begins]
     owner, wall = mesh.owner[firsts].astype(np.int64), mesh.part[firsts] == WALL
     index = np.empty((count, 3), np.int64)
     used, of_face = np.empty(3 * count, np.int64), np.empty(3 * count, np.int64)
-    normals = np.zeros((len(keys), 3))
+    normals = np.zeros((len(firsts), 3))
     given = (mesh.points, mesh.triangles[order], face)
     corners = _kernels.corners_of_faces(*given, used, index, of_face, normals)
     points, of_face = mesh.points[used[:corners]], of_face[:corners]

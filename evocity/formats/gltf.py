@@ -219,8 +219,8 @@ class _Writer:
         numbers = corner[starts]
         counts = np.diff(np.r_[starts, len(corner)])
         placed = _y_up(points)
-        # glTF counts v downwards
-        uv = (made.uv * (1, -1) + 0.0).astype(np.float32)
+        uv = np.empty(made.uv.shape, np.float32)
+        uv[:, 0], uv[:, 1] = made.uv[:, 0] + 0.0, 0.0 - made.uv[:, 1]  # glTF counts v downwards
         values = {"POSITION": placed, "NORMAL": _y_up(made.normals), "TEXCOORD_0": uv}
         if table is not None:
             document.use("EXT_mesh_features")
@@ -237,7 +237,7 @@ class _Writer:
         rows = np.array(list(first.values())) + np.arange(len(numbers))[:, None]
         attributes = [template % tuple(row) for row in rows.tolist()]
         batch = np.searchsorted(numbers, triangle)
-        local = made.triangles - starts[batch][:, None]
+        local = made.triangles - starts.astype(made.triangles.dtype)[batch][:, None]
         indices = self._indices(local, batch, counts < MOST, made.of_roof & self._split)
         found = {}
         for k, number in enumerate(numbers.tolist()):
@@ -327,8 +327,10 @@ def _extras(columns: dict[str, list]) -> list[dict[str, Any]]:
 
 
 def _y_up(points: np.ndarray) -> np.ndarray:
-    x, y, z = points.T
-    return np.stack([x, z, -y + 0.0], axis=1).astype(np.float32)
+    turned = np.empty((len(points), 3), np.float32)
+    turned[:, :2] = points[:, ::2]
+    turned[:, 2] = 0.0 - points[:, 1]
+    return turned
 
 
 def _chunks(owner: np.ndarray) -> np.ndarray:

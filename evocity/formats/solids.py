@@ -275,12 +275,27 @@ class Mesh:
 
 def rings_of(polygons: np.ndarray) -> Rings:
     """Return the rings of valid shapely ``polygons``, objects ``(n,)``."""
-    turned = shapely.orient_polygons(shapely.remove_repeated_points(polygons))
-    rings, of = shapely.get_rings(turned, return_index=True)
+    polygons = shapely.remove_repeated_points(polygons)
+    rings, of = shapely.get_rings(polygons, return_index=True)
     points, ring = shapely.get_coordinates(rings, return_index=True)
+    if not _are_oriented(points, ring, of):
+        rings = shapely.get_rings(shapely.orient_polygons(polygons))
+        points = shapely.get_coordinates(rings)
     last = np.r_[ring[1:] != ring[:-1], True] if len(ring) else np.zeros(0, bool)
     counts = np.bincount(ring, minlength=len(of)) - 1
     return Rings(points[~last], np.concatenate([[0], np.cumsum(counts)]), of)
+
+
+def _are_oriented(points: np.ndarray, ring: np.ndarray, of: np.ndarray) -> bool:
+    """Whether closed rings are counterclockwise, and those of holes clockwise. ``ring`` is the ring
+    of each of the points, ``of`` the polygon of each ring; the first of a polygon is no hole."""
+    if not len(ring):
+        return True
+    starts = np.flatnonzero(np.diff(ring, prepend=-1))
+    x, y = (points - points[starts][ring]).T
+    twice = np.add.reduceat(np.append(x[:-1] * y[1:] - x[1:] * y[:-1], 0.0), starts)
+    hole = np.diff(of, prepend=-1) == 0
+    return bool(np.all((twice < 0) == hole))
 
 
 def _mesh(
