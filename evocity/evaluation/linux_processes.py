@@ -15,6 +15,11 @@ LINUX = sys.platform.startswith("linux")
 
 #: An option of prctl(2).
 _CHILD_SUBREAPER = 36
+#: Options of mallopt(3): freed memory that stays at the end of the heap, and the size of arrays
+#: that have pages of their own.
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
+#: The most freed memory that a process keeps, and the largest array on its heap, bytes.
+_KEPT, _LARGEST = 64 << 20, 32 << 20
 #: Seconds that killed processes may take to end.
 _SWEEP = 2.0
 #: The most times that the processes of a session are listed and killed.
@@ -37,6 +42,18 @@ def outlive_parent() -> None:
     """Undo `die_with_parent`, and `tie_to_parent` of `evocity.child_process`: the end of the parent
     no longer kills this process."""
     _libc().prctl(PDEATHSIG, 0, 0, 0, 0)
+
+
+def keep_freed_memory(most: int | None = None) -> None:
+    """Let this process keep freed memory for its next arrays, at most ``most`` bytes, or 64 MiB.
+
+    Otherwise Linux takes back large arrays, and clears new pages for the next ones. Without glibc
+    nothing changes.
+    """
+    if not LINUX or not hasattr(_libc(), "mallopt"):
+        return
+    _libc().mallopt(_MMAP_THRESHOLD, _LARGEST)
+    _libc().mallopt(_TRIM_THRESHOLD, _KEPT if most is None else min(most, _KEPT))
 
 
 def adopt_orphans() -> None:

@@ -67,6 +67,7 @@ def _serve(served: socket.socket) -> None:
         budget = Budget()
         sys.stdout, sys.stderr = stream(1, budget), stream(2, budget)
         setup, memory = receive(served)
+        linux_processes.keep_freed_memory(None if memory is None else memory // 8)
         evaluator = _make_evaluator(setup)
         if os.getpid() != me:
             os._exit(0)

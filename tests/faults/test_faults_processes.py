@@ -162,3 +162,32 @@ def test_a_pool_that_closes_spares_a_nursery_for_which_another_waits(cold, setup
     assert nursery.is_running()
     second.close()
     assert not nursery.is_running()
+
+
+PAGES = """
+import resource
+import numpy as np
+from evocity.evaluation import linux_processes
+
+def new_pages():
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    for _ in range(4):
+        arrays = [np.ones(1 << 20) for _ in range(4)]
+        del arrays
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+linux_processes.keep_freed_memory(1 << 20)
+print(new_pages(), new_pages())
+linux_processes.keep_freed_memory()
+print(new_pages(), new_pages())
+"""
+
+
+@pytest.mark.skipif(not hasattr(linux_processes._libc(), "mallopt"), reason="only glibc keeps it")
+def test_a_process_keeps_freed_memory_for_its_next_arrays():
+    found = subprocess.run(
+        [sys.executable, "-c", PAGES], capture_output=True, text=True, check=True
+    )
+    _, little, _, much = map(int, found.stdout.split())
+    assert little > 1000
+    assert much < little / 10
