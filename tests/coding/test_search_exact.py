@@ -14,10 +14,12 @@ from hypothesis.extra.numpy import arrays
 from evocity import isometries
 from evocity.coding import best_correlations
 from evocity.coding.matching import best_matches
+from evocity.coding.matching._kernels import window_kernels
 from evocity.coding.matching.candidates import Shapes
-from evocity.coding.matching.d4 import d4_matrix
+from evocity.coding.matching.d4 import d4_codes, d4_matrix
 from evocity.coding.matching.domains import domain_pools
 from evocity.coding.matching.exact_scores._kernels import keep
+from evocity.coding.matching.local_search import _windows
 from evocity.coding.matching.matches import Search
 from evocity.coding.parameters import Coding
 from evocity.errors import MapError
@@ -237,6 +239,40 @@ def test_correlations_against_the_naive_twin(other_town, reach):
     true_rho2, true_uniform = naive.best_correlations(heights, reach=reach)
     assert np.array_equal(uniform, true_uniform)
     assert rho2 == pytest.approx(true_rho2, abs=1e-5)
+
+
+@pytest.mark.parametrize("reach", [5, None])
+def test_correlations_of_walls_against_the_naive_twin(reach):
+    heights = np.zeros((28, 32), np.float32)
+    heights[6:20, 10:] = 12.0  # long walls, whose continuation ends the search
+    heights[9:14, 3:8] = 7.5
+    rho2, uniform = best_correlations(heights, reach=reach)
+    true_rho2, true_uniform = naive.best_correlations(heights, reach=reach)
+    assert np.array_equal(uniform, true_uniform)
+    assert rho2 == pytest.approx(true_rho2, abs=1e-5)
+    assert (rho2 == 1).any()
+
+
+def test_a_search_that_ends_early_has_found_enough(town):
+    heights = town.heights[:48, :48]
+    rho2, _ = best_correlations(heights)
+    blocks = [
+        heights[y : y + 4, x : x + 4].reshape(1, 16)
+        for y in range(0, 48, 4)
+        for x in range(0, 48, 4)
+    ]
+    codes = d4_codes(np.concatenate(blocks).astype(np.float32))
+    (pool,) = domain_pools(heights, 4, (2,), 0.1, exact=False)
+    corners = tuple(4 * np.indices((12, 12)).reshape(2, -1))
+    window = _windows(pool.top, *pool.shape, corners, 12)
+    *_, most_gains = window_kernels(4)
+    best = np.zeros((2, len(codes)), np.float32)
+    energy = np.einsum("nk,nk->n", codes, codes)
+    for enough, gain in zip((energy, np.full_like(energy, np.inf)), best, strict=True):
+        most_gains(*pool.folded, codes, window, np.float32(1e18), enough, gain)
+    assert ((best[0] == best[1]) | ((best[0] >= energy) & (best[1] >= best[0]))).all()
+    busy = rho2 > 0
+    assert np.array_equal(np.clip(best[1][busy] / energy[busy], 0, 1), rho2[busy])
 
 
 def test_blocks_of_one_shape_are_grouped():

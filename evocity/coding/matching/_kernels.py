@@ -21,6 +21,8 @@ ROW = 8
 GROUP = 16
 #: Range blocks handled together where their windows overlap.
 NEIGHBOURS = 8
+#: Rows of domain blocks after which a search looks whether it has found enough.
+LOOKS = 3
 #: Sums over the coordinates of larger blocks are loops of `RUN` products.
 UNROLLED, RUN = 16, 8
 #: Initial room for tiles, of all range blocks of a batch.
@@ -310,7 +312,7 @@ def tile_kernels(block, parts):
 
 @cache
 def window_kernels(block):
-    """Make the kernels of the search within reach: lane_maxima, list_windows."""
+    """Make the kernels of the search within reach: lane_maxima, list_windows, most_gains."""
 
     @kernel
     def lane_maxima(planes, norms, codes, window, cap, band, lanes, best):
@@ -381,4 +383,36 @@ def window_kernels(block):
                     x += GROUP
         return count
 
-    return lane_maxima, list_windows
+    @kernel
+    def most_gains(planes, norms, codes, window, cap, enough, best):
+        """best[i] = max(itself, the largest gain of range i in its ``window``, see lane_maxima), or
+        some gain of at least enough[i], which ends the search for range i. Rows near the middle
+        come first: there lies the continuation of a wall."""
+        count, wide = codes.shape[0], 0
+        for i in range(count):
+            wide = max(wide, window[i, 3] - window[i, 2])
+        gains = np.empty((NEIGHBOURS, -(-wide // LANES) * LANES), np.float32)
+        for start in range(0, count, NEIGHBOURS):
+            end = min(start + NEIGHBOURS, count)
+            first, last = window[start, 0], window[start, 1]
+            for i in range(start, end):
+                first, last = min(first, window[i, 0]), max(last, window[i, 1])
+            gains[:] = 0
+            steps = 2 * max(last - first, 0)
+            for step in range(1, steps + 1):
+                y = (first + last) // 2 + (step // 2 if step % 2 else -(step // 2))
+                for i in range(start, end):
+                    if best[i] >= enough[i] or y < window[i, 0] or y >= window[i, 1]:
+                        continue
+                    for j in range(0, window[i, 3] - window[i, 2], LANES):
+                        raise_gains(
+                            block, LANES, planes, y, window[i, 2] + j,
+                            norms, codes, i, cap, gains, i - start, j,
+                        )  # fmt: skip
+                if step % LOOKS and step < steps:
+                    continue
+                for i in range(start, end):
+                    for j in range(window[i, 3] - window[i, 2]):
+                        best[i] = max(best[i], gains[i - start, j])
+
+    return lane_maxima, list_windows, most_gains

@@ -29,7 +29,7 @@ def best_nearby(search: Search, corners, pool: DomainPool, part: slice, toleranc
     Returns the domain blocks near that best as `best_everywhere` does."""
     from evocity.coding.matching._kernels import window_kernels
 
-    lane_maxima, list_nearby = window_kernels(search.block)
+    lane_maxima, list_nearby, _ = window_kernels(search.block)
     corners = tuple(corner[part] for corner in corners)
     window = _windows(pool.top, *pool.shape, corners, search.reach)
     band, lanes = _bands(window, _BAND)
@@ -47,16 +47,16 @@ def best_nearby(search: Search, corners, pool: DomainPool, part: slice, toleranc
     return which, y + pool.top, x
 
 
-def _bands(window: np.ndarray, band: int | None = None) -> tuple[int, np.ndarray]:
-    """Compute how many rows of a ``window`` share a gain (``band`` or a few more; None for all),
-    and allocate these gains: zeros for `lane_maxima`, empty where every window is."""
+def _bands(window: np.ndarray, band: int) -> tuple[int, np.ndarray]:
+    """Compute how many rows of a ``window`` share a gain (``band`` or a few more), and allocate
+    these gains: zeros for `lane_maxima`, empty where every window is."""
     from evocity.coding.matching._kernels import GROUP
 
     tall = int((window[:, 1] - window[:, 0]).max(initial=0))
     wide = int((window[:, 3] - window[:, 2]).max(initial=0))
     if min(tall, wide) <= 0:
         return 1, np.zeros((0, len(window), 0), np.float32)
-    strips = 1 if band is None else min(max(1, tall // band), _MOST_STRIPS)
+    strips = min(max(1, tall // band), _MOST_STRIPS)
     band = -(-tall // strips)
     return band, np.zeros((strips, len(window), wide + -wide % GROUP), np.float32)
 
@@ -91,19 +91,14 @@ def best_correlations(
     codes = d4_codes(blocks.astype(np.float32, copy=False))
     corners = (busy // columns * block, busy % columns * block)
     gain = np.zeros(busy.size, np.float32)
-    lane_maxima, _ = window_kernels(block)
+    # where more is found, rounding counts it as all
+    enough = np.einsum("nk,nk->n", codes, codes)
+    *_, most_gains = window_kernels(block)
     for pool in domain_pools(heights, block, domains, flat, exact=False):
         window = _windows(pool.top, *pool.shape, corners, reach)
-        step = chunk_size(reach or max(height, width))
-        for part in (slice(k, k + step) for k in range(0, busy.size, step)):
-            band, lanes = _bands(window[part])
-            if lanes.size:
-                lane_maxima(
-                    *pool.folded, codes[part], window[part], UNCAPPED, band,
-                    lanes, gain[part],
-                )  # fmt: skip
+        most_gains(*pool.folded, codes, window, UNCAPPED, enough, gain)
     rho2 = np.zeros(rows * columns, np.float32)
-    rho2[busy] = np.clip(gain / np.einsum("nk,nk->n", codes, codes), 0, 1)
+    rho2[busy] = np.clip(gain / enough, 0, 1)
     return rho2, uniform
 
 
