@@ -28,6 +28,7 @@ from evocity.operators.plans._kernels import (
     improve_candidates,
     sample_polygons,
     score_candidates,
+    sum_squares,
 )
 from evocity.operators.plans.donor import donor_of
 from evocity.operators.plans.fill import _draw, _gene
@@ -191,6 +192,20 @@ def test_the_kernels_of_candidates_score_as_their_naive_twin(cities):
             one[4] = np.clip(one[4] * size, 0.88, 1.15)
         best = max(sized, key=true_score)
         np.testing.assert_allclose(new, best)
+
+
+@pytest.mark.parametrize("radius", [0.2, 6.5, 500.0])
+def test_sums_over_squares_are_those_of_their_pixels(radius):
+    rng = np.random.default_rng(5)
+    raster = rng.integers(-9, 9, (30, 22)) + 1j * rng.integers(-9, 9, (30, 22))
+    sums = np.zeros((31, 23), complex)
+    sums[1:, 1:] = raster.cumsum(axis=0).cumsum(axis=1)
+    places, totals = rng.uniform(0, [29, 21], (40, 2)), np.empty(40, complex)
+    sum_squares(places, radius, sums, totals)
+    for (row, column), total in zip(places, totals, strict=True):
+        low = [max(round(at - radius), 0) for at in (row, column)]
+        high = [max(round(at + radius) + 1, 0) for at in (row, column)]
+        assert total == raster[low[0] : high[0], low[1] : high[1]].sum()
 
 
 def test_walls_at_half_a_metre_are_the_buildings(cities):

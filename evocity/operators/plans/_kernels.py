@@ -6,12 +6,27 @@ from evocity.accelerate import kernel
 
 
 @kernel
+def _rim(down, along):
+    """List the points that lie farthest in each of eight directions, int64 ``(8,)``; none if there
+    are no points."""
+    rim = np.zeros(8 if down.size else 0, np.int64)
+    for k in range(rim.size):
+        v, u = np.sin(k * np.pi / 4), np.cos(k * np.pi / 4)
+        most = -np.inf
+        for i in range(down.size):
+            if v * down[i] + u * along[i] > most:
+                most, rim[k] = v * down[i] + u * along[i], i
+    return rim
+
+
+@kernel
 def _score(
     numbers, areas, used, pixel, step, down, along, inner, cell, share, coverage, slack, repeats,
-    row, column, angle, mirror, scale, axis, floor, seen, counts,
+    row, column, angle, mirror, scale, axis, floor, rim, seen, ends, counts,
 ):  # fmt: skip
-    """Score one candidate, see `score_candidates`. Scratch: ``seen``, int32 ``(inner,)``, and
-    ``counts``, int32 ``(n + 1,)``, zeros before and after."""
+    """Score one candidate, see `score_candidates`. ``rim`` lists points of the outline, see `_rim`.
+    Scratch: ``seen`` and ``ends``, int32 ``(inner,)``, and ``counts``, int32 ``(n + 1,)``, zeros
+    before and after."""
     height, width = numbers.shape
     tall, wide = used.shape
     if row < 0 or row > tall - 1 or column < 0 or column > wide - 1:
@@ -30,6 +45,10 @@ def _score(
     top, left = (row + 0.5) * ratio, (column + 0.5) * ratio
     # share of a building's area in points of the lot, at its size on the ground
     least = share * (scale if not np.isnan(axis) else scale * scale) / cell
+    for i in rim:  # most places that leave the source city do so here
+        y, x = top + a * down[i] + b * along[i], left + c * down[i] + d * along[i]
+        if not (0 <= y < height and 0 <= x < width):
+            return -np.inf
     within = 0
     for i in range(down.size):  # without branches, so it becomes vector code
         y, x = top + a * down[i] + b * along[i], left + c * down[i] + d * along[i]
@@ -40,25 +59,34 @@ def _score(
         y, x = top + a * down[i] + b * along[i], left + c * down[i] + d * along[i]
         seen[i] = numbers[np.uintp(y), np.uintp(x)]
     # neighbours mostly show the same building, and stores of one number wait for each other
-    first = 0
+    first, runs = 0, 0
     while first < inner:
         n, last = seen[first], first + 1
         while last < inner and seen[last] == n:
             last += 1
         counts[n] += last - first
+        ends[runs] = last
+        runs += 1
         first = last
-    all_built, front, again = 0, 0, 0
-    for i in range(inner):
-        n = seen[i]
+    all_built, front, again, first = 0, 0, 0, 0
+    for r in range(runs):
+        n = seen[first]
         if n and counts[n] + 1 >= least * areas[n]:
-            all_built += 1
-            y, x = top + a * down[i] + b * along[i], left + c * down[i] + d * along[i]
-            again += used[min(int(y / ratio), tall - 1), min(int(x / ratio), wide - 1)]
-    # points are few, so the whole lot decides on small shares
-    inside = again <= 2 * repeats * all_built + 2
+            all_built += ends[r] - first
+        first = ends[r]
     strip = down.size - inner
     less = 2 * max(abs(all_built / max(inner, 1) - coverage) - slack, 0)
     needed = (floor + less) * strip - 1e-6  # points of the strip, or the score is below the floor
+    inside, first = not strip < needed, 0  # a floor of −∞ may make needed NaN
+    for r in range(runs if inside else 0):
+        n = seen[first]
+        if n and counts[n] + 1 >= least * areas[n]:
+            for i in range(first, ends[r]):
+                y, x = top + a * down[i] + b * along[i], left + c * down[i] + d * along[i]
+                again += used[min(int(y / ratio), tall - 1), min(int(x / ratio), wide - 1)]
+        first = ends[r]
+    # points are few, so the whole lot decides on small shares
+    inside &= again <= 2 * repeats * all_built + 2
     at = inner
     while at < down.size and inside:
         if front + down.size - at < needed:
@@ -68,8 +96,8 @@ def _score(
         n = numbers[int(y), int(x)]
         front += n > 0 and counts[n] + 1 >= least * areas[n]
         at += 1
-    for i in range(inner):
-        counts[seen[i]] = 0
+    for r in range(runs):
+        counts[seen[ends[r] - 1]] = 0
     if not inside:
         return -np.inf
     score = front / strip if strip else 1.0
@@ -98,12 +126,13 @@ def score_candidates(
     candidates : float64 ``(k, 6)``, row and column of the place, px; angle; mirror, 0 or 1; scale;
     axis, NaN for all directions.
     """
-    seen, counts = np.empty(inner, np.int32), np.zeros(areas.size, np.int32)
+    seen, ends = np.empty((2, inner), np.int32)
+    counts, rim = np.zeros(areas.size, np.int32), _rim(down, along)
     for k in range(len(candidates)):
         row, column, angle, mirror, scale, axis = candidates[k]
         scores[k] = _score(
             numbers, areas, used, pixel, step, down, along, inner, cell, share, coverage, slack,
-            repeats, row, column, angle, mirror, scale, axis, floor, seen, counts,
+            repeats, row, column, angle, mirror, scale, axis, floor, rim, seen, ends, counts,
         )  # fmt: skip
 
 
@@ -118,7 +147,8 @@ def improve_candidates(
     which stays within ``low`` and ``high`` if it changes. The first of equally good ones wins. The
     other arguments are those of `score_candidates`.
     """
-    seen, counts = np.empty(inner, np.int32), np.zeros(areas.size, np.int32)
+    seen, ends = np.empty((2, inner), np.int32)
+    counts, rim = np.zeros(areas.size, np.int32), _rim(down, along)
     for k in range(len(candidates)):
         row, column, angle, mirror, scale, axis = candidates[k]
         best, at = -np.inf, 0
@@ -126,7 +156,7 @@ def improve_candidates(
             score = _score(
                 numbers, areas, used, pixel, step, down, along, inner, cell, share, coverage,
                 slack, repeats, row + moves[m, 0], column + moves[m, 1], angle, mirror, scale,
-                axis, best, seen, counts,
+                axis, best, rim, seen, ends, counts,
             )  # fmt: skip
             if score > best:
                 best, at = score, m
@@ -139,12 +169,29 @@ def improve_candidates(
             score = _score(
                 numbers, areas, used, pixel, step, down, along, inner, cell, share, coverage,
                 slack, repeats, row + trials[t, 0], column + trials[t, 1], angle, mirror, size,
-                axis, best, seen, counts,
+                axis, best, rim, seen, ends, counts,
             )  # fmt: skip
             if score > best:
                 best, at, sized = score, t, size
         candidates[k, 0], candidates[k, 1] = row + trials[at, 0], column + trials[at, 1]
         candidates[k, 4] = sized
+
+
+@kernel
+def sum_squares(places, radius, sums, totals):
+    """Sum a raster ``(H, W)`` in a square of half the side ``radius`` around each of the ``places``
+    (n, 2), row and column, px: complex ``totals`` ``(n,)``.
+
+    sums : complex ``(H + 1, W + 1)``, the sums of the raster north-west of each corner.
+    """
+    height, width = sums.shape[0] - 1.0, sums.shape[1] - 1.0
+    for k in range(len(places)):
+        row, column = places[k]
+        top = np.int64(min(max(np.rint(row - radius), 0.0), height))
+        left = np.int64(min(max(np.rint(column - radius), 0.0), width))
+        bottom = np.int64(min(max(np.rint(row + radius) + 1, 0.0), height))
+        right = np.int64(min(max(np.rint(column + radius) + 1, 0.0), width))
+        totals[k] = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
 
 
 @kernel

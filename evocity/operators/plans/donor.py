@@ -46,12 +46,10 @@ class Donor:
         """Find the direction of the walls around ``places``, row and column ``(n, 2)``, in a square
         of half the side ``radius``, px. Returns float64 ``(n,)``, radians from east towards
         south."""
-        limits = np.array(self.city.shape)
-        low = np.clip(np.rint(places - radius), 0, limits).astype(np.int64)
-        high = np.clip(np.rint(places + radius) + 1, 0, limits).astype(np.int64)
-        (top, left), (bottom, right) = low.T, high.T
-        sums = self.directions
-        total = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
+        from evocity.operators.plans._kernels import sum_squares
+
+        total = np.empty(len(places), complex)
+        sum_squares(np.ascontiguousarray(places, np.float64), float(radius), self.directions, total)
         return np.angle(total) / 4
 
     def numbers_at(self, down: np.ndarray, along: np.ndarray) -> np.ndarray:
