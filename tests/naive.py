@@ -2152,3 +2152,34 @@ def parts_of_surface(surface, depth):
                                                       surface.columns), depth - 1))  # fmt: skip
         rows.append(np.concatenate(row, axis=1))
     return np.concatenate(rows, axis=0)
+
+
+def reach_frame(first, last, starts, path, nodes, out, beside):
+    """The nodes, and the hubs in the order of their numbers, that have a way to hub 1."""
+    columns, count = beside.shape[1], int(beside.max(initial=1))
+
+    def hubs_at(pixel, steps):
+        places = (divmod(int(pixel) + step, columns) for step in steps)
+        return {("hub", int(beside[place])) for place in places if beside[place] > 0}
+
+    links = []
+    for k, (one, other) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
+        links.append((("node", one), ("node", other)))
+        for pixel in path[starts[k] : starts[k + 1]]:
+            around = hubs_at(pixel, (0, 1, -1, columns, -columns))
+            links += [(("node", one), hub) for hub in around]
+    for k, pixel in enumerate(nodes):
+        if out[k]:
+            links.append((("node", k), ("hub", 1)))
+        if k not in first and k not in last:
+            links += [(("node", k), hub) for hub in hubs_at(pixel, (0,))]
+    found, before = {("hub", 1)}, 0
+    while len(found) > before:
+        before = len(found)
+        for one, other in links:
+            if one in found or other in found:
+                found |= {one, other}
+    return (
+        np.array([("node", k) in found for k in range(len(nodes))], bool),
+        np.array([("hub", h) in found for h in range(1, count + 1)], bool),
+    )

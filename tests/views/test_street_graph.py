@@ -19,6 +19,7 @@ from evocity.errors import MapError
 from evocity.io import cities
 from evocity.views.streets import StreetKinds, _kernels
 from evocity.views.streets.kinds import packaged
+from evocity.views.streets.links import reach_frame
 from evocity.views.streets.skeleton import skeleton
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
@@ -616,3 +617,23 @@ def test_exits_thickness_and_smooth_lines_are_those_of_the_twins(seed, height, w
         np.testing.assert_allclose(points[starts[k] : starts[k + 1]], expected, atol=1e-9)
         values = ground.across.ravel()[own]
         assert (middles[k], leasts[k]) == pytest.approx((np.median(values), values.min()))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_what_reaches_the_frame_against_the_naive_twin(seed):
+    rng = np.random.default_rng(seed)
+    many, edges, hubs, side = 12, int(rng.integers(0, 9)), 4, 20
+    inner = [y * side + x for y in range(1, side - 1) for x in range(1, side - 1)]
+    beside = np.where(rng.random((side, side)) < 0.03, rng.integers(1, hubs + 1, (side, side)), 0)
+    beside = beside.astype(np.int32)
+    beside[0, 0] = hubs
+    nodes = rng.choice(inner, many, replace=False)
+    first, last = rng.integers(0, many, (2, edges))
+    starts = np.concatenate([[0], np.cumsum(rng.integers(2, 6, edges))])
+    path = rng.choice(inner, int(starts[-1]))
+    out = rng.random(many) < 0.2
+    reached = np.empty(many + hubs, bool)
+    reach_frame(first, last, starts, path, nodes, out, beside, reached)
+    true_nodes, true_hubs = naive.reach_frame(first, last, starts, path, nodes, out, beside)
+    assert np.array_equal(reached[:many], true_nodes)
+    assert np.array_equal(reached[many:], true_hubs)

@@ -13,6 +13,7 @@ from evocity.views.streets._kernels import (
     traced,
     without_spurs,
 )
+from evocity.views.streets.links import reach_frame
 from evocity.views.streets.skeleton import Ground
 
 #: Longest way between two crossings that merge, as a share of the radius of the widest disc there:
@@ -90,19 +91,12 @@ def edge_values(lines: Lines, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
 def connected_to_frame(lines: Lines, ground: Ground) -> tuple[np.ndarray, np.ndarray]:
     """Select the nodes, and the middles of places (n,), that connect to the frame by lines, or over
     places along these: two bool arrays."""
-    many, hubs = len(lines.nodes), int(ground.hubs.max()) if ground.hubs.size else 0
-    edge, hub = _edge_hubs(lines, ground)
-    lone = np.bincount(lines.first, minlength=many) + np.bincount(lines.last, minlength=many) == 0
-    own = ground.beside.ravel()[lines.nodes]
-    joins = [
-        (lines.first, lines.last),
-        (lines.first[edge], many + hub - 1),
-        (np.flatnonzero(lines.out), np.full(np.count_nonzero(lines.out), many)),
-        (np.flatnonzero(lone & (own > 0)), many + own[lone & (own > 0)] - 1),
-    ]
-    one, other = (np.concatenate(ends) for ends in zip(*joins, strict=True))
-    _, piece = _pieces(many + max(hubs, 1), one, other)
-    reached = piece == piece[many]
+    many, hubs = len(lines.nodes), max(int(ground.hubs.max(initial=0)), 1)
+    reached = np.empty(many + hubs, bool)
+    reach_frame(
+        lines.first, lines.last, lines.starts, lines.path, lines.nodes, lines.out, ground.beside,
+        reached,
+    )  # fmt: skip
     return reached[:many], reached[many:][ground.hubs[1:] - 1]
 
 
@@ -129,14 +123,6 @@ def _pieces(many: int, one: np.ndarray, other: np.ndarray) -> tuple[int, np.ndar
     return scipy.sparse.csgraph.connected_components(
         scipy.sparse.coo_array(links, shape=(many, many)), directed=False
     )
-
-
-def _edge_hubs(lines: Lines, ground: Ground) -> tuple[np.ndarray, np.ndarray]:
-    """List pairs of an edge and a hub of `Ground.beside` along which the edge runs."""
-    hub = _hubs_beside(lines, ground)
-    edge = np.repeat(np.arange(len(lines.first)), np.diff(lines.starts))
-    at, _ = np.nonzero(hub)
-    return edge[at], hub[hub > 0]
 
 
 def _join(lines: Lines, alive: np.ndarray, lone: np.ndarray) -> Lines:
