@@ -12,7 +12,7 @@ import numpy as np
 
 from evocity.errors import GenomeError, check_number
 from evocity.genome._kernels import lay_pieces, merge_siblings, order_squares, part_places
-from evocity.genome.genome import Genome, derived, descended, sides_text
+from evocity.genome.genome import Genome, checked, derived, descended, sides_text
 from evocity.genome.nucleotides import DOMAIN, FIELDS
 from evocity.isometries import AFFINE, COMPOSITION, INVERSE
 from evocity.pavement import Pavement
@@ -221,7 +221,13 @@ def laid(genomes: Sequence[Genome], pieces: Pieces, *, carried: bool = False) ->
             columns.setdefault(name, np.zeros(count, values.dtype))[mine] = values
     if iso.any() or carried:
         columns |= _turn_columns(columns, squares, pavement, pavements, iso, carried)
-    child = genomes[0].replace(pavement=pavement, **columns, **common)
+    changes = {"pavement": pavement, **columns, **common}
+    if common["cities"] == genomes[0].cities:
+        roofs = common["roofs"]
+        changes["roofs"] = {city: roofs[city] for city in common["cities"] if city in roofs}
+        child = checked(derived(genomes[0], **changes))  # these arrays are new
+    else:
+        child = genomes[0].replace(**changes)
     return Layout(child, whose, lifs)
 
 
