@@ -36,11 +36,8 @@ def row(city: CityMap) -> tuple[float, ...]:
 
 
 def window(name: str, pixel: float | None, side: int | None) -> CityMap:
-    city = evocity.read_map(name, **({} if pixel is None else {"metres_per_pixel": pixel}))
-    if side is None:
-        return city
-    top, left = ((own - side) // 2 for own in city.shape)
-    return city.replace(np.ascontiguousarray(city.heights[top : top + side, left : left + side]))
+    given = {"metres_per_pixel": pixel, "pixels": side}
+    return evocity.read_map(name, **{key: value for key, value in given.items() if value})
 
 
 def main(blocks: list[int], names: list[str], pixel: float | None, side: int | None) -> None:

@@ -36,6 +36,8 @@ from evocity.cli.shared.scene_options import (
     check_tile,
     lod_option,
     printing_options,
+    roof_rise_option,
+    roof_surface_option,
     roofs_option,
     say_tiles,
     streets_option,
@@ -67,6 +69,7 @@ _PLACED = (".city.json", ".gpkg", ".fgb", ".geoparquet")
   evocity scene lyon-1er -o light.glb --lod 1.2
   evocity scene lyon-1er --streets --water rivers.gpkg -o wet.glb
   evocity scene lyon-1er -o lyon-hills.city.json --relief ground.json
+  evocity scene lyon-1er -o lyon-vaults.glb --roof-surface vault.json
   evocity scene lyon-1er --tiles lyon-tiles --tile 128""")
 @click.argument("what", metavar="MAP|GENOME|RUN")
 @output_option(
@@ -132,6 +135,8 @@ _PLACED = (".city.json", ".gpkg", ".fgb", ".geoparquet")
     "EXT_mesh_gpu_instancing.",
 )
 @roofs_option
+@roof_surface_option
+@roof_rise_option
 @streets_option
 @water_option
 @option(
@@ -166,7 +171,7 @@ _PLACED = (".city.json", ".gpkg", ".fgb", ".geoparquet")
 def scene(
     what: str, output: Path | None, tiles, tile, lod, triangles, identifier, at, detail, angles,
     storeys, least_area, zoom, lod_node, classes, library, atmosphere, seed, streets, water, roofs,
-    merge, instances, print_side, relief, crs, reading, as_json, **drawn,
+    roof_surface, roof_rise, merge, instances, print_side, relief, crs, reading, as_json, **drawn,
 ) -> None:  # fmt: skip
     """Write a map in three dimensions: solids with floors, walls and roofs, on the ground.
 
@@ -188,6 +193,11 @@ def scene(
     --crs, the coordinates have another reference system, in metres. Only footprints may have
     degrees. Files for CAD (.dxf, .3dm) need the extra "cad".
 
+    The surface of --roof-surface lies on buildings that have room for a circle of 12 m. Its columns
+    lie along the longer side of the building, and its first row in the north. Walls reach up to the
+    surface. With --roofs, buildings with pitched roofs keep these. Without --roofs, all other roofs
+    are flat.
+
     A .stl or .3mf file has the buildings on a plate of 2 mm, in millimetres. Each solid reaches
     into the plate, so that a slicer joins all solids.
     """
@@ -197,7 +207,7 @@ def scene(
     from evocity.scene import SUFFIXES, check_suffix
     from evocity.scene.detail import check_format
     from evocity.scene.export import UNPLACED, cuts_attribution
-    from evocity.scene.roofs import level_of
+    from evocity.scene.roofs import check_curved, level_of
 
     check_outputs(output, tiles, tile, crs)
     check_needs("--water", "--streets", water is not None and not streets)
@@ -205,12 +215,15 @@ def scene(
     if output is not None:
         check_crs(crs, output, [one for one in SUFFIXES if one not in UNPLACED])
     suffix = "" if output is None else check_suffix(output)
-    for source in filter(None, (what, classes, water, library and library / "objects.gpkg")):
+    sources = what, classes, water, roof_surface, library and library / "objects.gpkg"
+    for source in filter(None, sources):
         if output is not None:
             check_output(output, str(source))
     if lod_node:
         check_lod_node(output, suffix, zoom)
-    level = level_of(lod, roofs) if triangles is None else ""  # which may choose a coarser level
+    level = level_of(lod, roofs, roof_surface is not None)
+    if triangles is not None:  # which may choose a coarser level
+        level = ""
     check_format(level, suffix, streets)
     check_glb_options(output, suffix, merge=merge, instances=instances)
     check_needs("--relief", "-o", relief is not None and output is None)
@@ -227,10 +240,18 @@ def scene(
                     f"leave {name} or --relief out",
                 )
         ground = read_surface(str(relief))
+    check_needs("--roof-rise", "--roof-surface", roof_rise is not None and roof_surface is None)
+    form = None
+    if roof_surface is not None:
+        from evocity.shapes import read_surface
+
+        form = read_surface(str(roof_surface))
+        check_curved(form, roof_rise)
     note_compiling()
     how = {"detail": detail, "squared": angles == "square", "storeys": storeys}
     how |= {"least_area": least_area, "streets": streets, "measures": _measures(what, identifier)}
     how |= {"lod": lod, "roofs": roofs, "triangles": triangles}
+    how |= {"roof_surface": form, "roof_rise": roof_rise}
     if classes is not None:
         from evocity.views.classes import ClassTable
 

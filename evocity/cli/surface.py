@@ -31,7 +31,7 @@ def surface() -> None:
     """Fit surfaces with details to height maps of ground, and change the surfaces.
 
     A surface consists of a grid of control heights, affine maps along both axes, and details.
-    GROUND is a file that `evocity surface fit` wrote.
+    GROUND is a file that `evocity surface fit` or `evocity surface make` wrote.
     """
 
 
@@ -88,6 +88,29 @@ def fit(
     echo(f"{rows} × {columns} heights, {fitted.depth} levels; exact with all details")
     echo(f"without the finest {levels} levels: {numbers} numbers, {rms:.4g} m off (RMS)")
     echo(f"wrote {output}")
+
+
+@command("""
+  evocity surface make vault -o vault.json
+  evocity surface make shed --bays 6 -o sheds.json""")
+@click.argument("form", metavar="FORM")
+@_surface_output
+@option(
+    "--bays",
+    "Number of vaults or sheds side by side, 1 to 8. [1 vault, 4 sheds]",
+    click.IntRange(1, 8),
+)
+@json_option
+def make(form: str, output: Path, bays: int | None, as_json: bool) -> None:
+    """Make a surface of 1 m in the form of a roof. FORM is vault, dome, saddle or shed.
+
+    `evocity scene --roof-surface` lays the surface on wide buildings. The glass of sheds faces the
+    north. The JSON document has the keys "lowest" and "highest", metres.
+    """
+    from evocity.shapes import StoredSurface, surface_form
+
+    check_output(output, "", _WRITTEN)
+    _say(StoredSurface(surface_form(form, bays)), output, as_json)
 
 
 @command("""
@@ -208,5 +231,5 @@ def _write(stored: "StoredSurface", output: Path) -> None:
     write_ground(GroundRaster(own.heights(), *place), output)
 
 
-for _command in (fit, detail, transfer, amplify):
+for _command in (fit, make, detail, transfer, amplify):
     surface.add_command(_command)

@@ -39,12 +39,15 @@ from evocity.scene.noding import join_nodes
 from evocity.scene.objects import Objects, check_sources, group_objects
 from evocity.scene.picture import draw_scene, triangles
 from evocity.scene.roofs import (
+    RoofSurface,
+    check_curved,
     check_heights,
     check_roofs,
     heights_are_ridges,
     level_of,
     raise_roofs,
 )
+from evocity.scene.roofs.checks import StoredHeights
 from evocity.scene.substitution import Substitution, substituted
 from evocity.views.classes import Classes, ClassTable
 from evocity.views.walls import Walls
@@ -71,6 +74,8 @@ class Scene:
     water : bool ``(H, W)``, open ground that is water; None for a map without water.
     given_roofs : int ``(n, 2)``, the roof of each building, as in the function `scene`; or None.
     credit : attribution of other files in the scene, such as that of the water.
+    curved : the form of the roofs of wide buildings whose roofs are not pitched; None for flat
+        roofs.
 
     >>> import numpy as np, evocity
     >>> heights = np.zeros((32, 32))
@@ -93,6 +98,7 @@ class Scene:
     water: np.ndarray | None = None
     given_roofs: np.ndarray | None = None
     credit: str = ""
+    curved: RoofSurface | None = None
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
@@ -117,7 +123,7 @@ class Scene:
             shapes = self.city.roof_shapes
             if shapes is not None:
                 shapes = shapes - (*self.city.south_west, 0, 0)
-            own = shapes, self.given_roofs
+            own = shapes, self.given_roofs, self.curved
             objects = raise_roofs(objects, self._size, self.storey, ridges, *own)
             if noded is not None:
                 objects = join_nodes(objects, group_objects(Objects(self.city, noded, *more)))
@@ -319,6 +325,8 @@ def scene(
     triangles: int | None = None,
     sources: Sequence[str] = (),
     given_roofs: np.ndarray | None = None,
+    roof_surface: StoredHeights | None = None,
+    roof_rise: float | None = None,
     credit: str = "",
     **how: Any,
 ) -> Scene:
@@ -340,7 +348,8 @@ def scene(
         all buildings that touch, and "afar" has blocks of like height across streets. "1.2" has one
         height for touching parts of like height, and walls of twice the tolerance. "1.3" has each
         building with its own height, and "2.2" has pitched roofs. None means "1.3", or "2.2" with
-        ``roofs``.
+        ``roofs`` or
+        ``roof_surface``.
     roofs : whether buildings have pitched roofs, as with LoD 2.2. Raises `MapError` for a map
         without heights, for heights above 1000 m, and for another level than 2.2.
     triangles : most triangles of the scene, 12 or more: the finest level from ``lod`` on that has
@@ -352,6 +361,14 @@ def scene(
         1 if its height measures to the ridge, 0 if it measures to the eaves.
         `evocity.genome.building_roofs` returns the roofs of a bred map. None means the shapes and
         the meaning of heights that the map itself has.
+    roof_surface : a `StoredSurface` whose shape, with its details, lies on the roofs of wide
+        buildings, those with room for a circle of 12 m. With ``roofs`` or LoD 2.2, buildings with
+        pitched roofs keep these; otherwise all other roofs are flat. The surface fills the least
+        rectangle about each building, with its columns along the longer side, and is clipped at the
+        outline. Raises `MapError` for a level surface, and for another level than 2.2. None means
+        no such roofs.
+    roof_rise : metres from the lowest to the highest height of ``roof_surface``, above 0 and at
+        most 100. None means a fifth of the shorter side of the rectangle.
     credit : attribution of other files in the scene, such as that of the water. Files of the scene
         include it after that of the map.
     how : options of `CityMap.walled` for the walls: ``detail``, ``relative``, ``squared``,
@@ -369,7 +386,10 @@ def scene(
         library = Library.read(library)
     check_budget(triangles)
     check_water(city, water, streets)
-    lod = level_of(lod, roofs)
+    curved = check_curved(roof_surface, roof_rise, not roofs and lod is None)
+    lod = level_of(lod, roofs, curved is not None)
+    if roof_surface is not None:
+        credit = "; ".join(filter(None, (credit, roof_surface.attribution)))
     if lod == "2.2":
         check_heights(city)
     if library is not None:
@@ -394,6 +414,7 @@ def scene(
             water,
             given,
             credit,
+            curved,
         )
         made = Scene(city, walls, table, *parts)
         kept = len(walls) or not len(city.buildings)  # the coarsest cells may hold no building

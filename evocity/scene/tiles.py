@@ -354,6 +354,9 @@ def _digest(scene: Scene, grid: _Grid, levels: Sequence[str], crs: str) -> str:
     digest.update(np.ascontiguousarray(city.heights).tobytes())
     if scene.water is not None:
         digest.update(np.packbits(scene.water).tobytes())
+    if scene.curved is not None:
+        digest.update(f"{scene.curved.rise} {scene.curved.heights.shape}".encode())
+        digest.update(scene.curved.heights.tobytes())
     classes, laid = scene.classes, scene.substitution
     described = [classes.table.names, classes.table.rgb.tolist(), list(scene.sources)]
     polygons: list[Any] = [scene.walls.polygons]

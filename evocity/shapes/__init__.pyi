@@ -47,6 +47,8 @@ from .surface_files import read_surface as read_surface
 from .surface_files import write_surface as write_surface
 from .surface_fit import fit_surface as fit_surface
 from .surface_fit import surface_rms as surface_rms
+from .surface_forms import FORMS as FORMS
+from .surface_forms import surface_form as surface_form
 from .wires import Metamorphosis as Metamorphosis
 from .wires import metamorphosis as metamorphosis
 from .wires import wire as wire

@@ -43,6 +43,18 @@ water_option = option(
     FILE,
 )
 roofs_option = flag("--roofs", "Put pitched roofs on buildings, as with --lod 2.2.")
+roof_surface_option = option(
+    "--roof-surface SURFACE",
+    "Surface from `evocity surface`, such as a vault, for the roofs of wide buildings; with "
+    "--roofs, only of those without pitched roofs. The scene has LoD 2.2. [no surface]",
+    FILE,
+)
+roof_rise_option = option(
+    "--roof-rise METRES",
+    "Rise of the surface of --roof-surface, in metres, above 0 and at most 100. [a fifth of the "
+    "width of the building]",
+    float,
+)
 tiles_option = option(
     "--tiles FOLDER",
     "Folder for tiles of the scene: a .glb file per tile and level of detail, a .city.jsonl file "

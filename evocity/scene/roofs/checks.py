@@ -1,27 +1,91 @@
-"""Levels of detail and maps that can have pitched roofs."""
+"""Levels of detail, maps and surfaces that can have, or be, roofs."""
+
+from typing import Protocol
 
 import numpy as np
 
 from evocity.citymap import CityMap
-from evocity.errors import MapError, keyword, setting, spell
+from evocity.errors import MapError, is_number, keyword, setting, spell
 from evocity.io.roof_shapes import SHAPES
+from evocity.scene.roofs.curved import RoofSurface
 
 #: Most height of a building with a roof, metres.
 TALLEST = 1000.0
+#: Most rise of a curved roof, metres.
+HIGHEST_RISE = 100.0
 
 
-def level_of(lod: str | None, roofs: bool) -> str:
-    """Return the level of detail of a scene, or raise `MapError` for ``roofs`` at another level
-    than 2.2."""
+class HeightGrid(Protocol):
+    """Heights on a grid, as `evocity.shapes.DetailedSurface`."""
+
+    def heights(self) -> np.ndarray:
+        """Compute heights, float64 ``(R, C)``."""
+
+
+class StoredHeights(Protocol):
+    """A grid of heights with its credit, as `evocity.shapes.StoredSurface`."""
+
+    @property
+    def surface(self) -> HeightGrid: ...
+    @property
+    def attribution(self) -> str: ...
+
+
+def level_of(lod: str | None, roofs: bool, is_curved: bool = False) -> str:
+    """Return the level of detail of a scene, or raise `MapError` for ``roofs``, or for a surface on
+    roofs (``is_curved``), at another level than 2.2."""
     if lod is None:
-        return "2.2" if roofs else "1.3"
-    if roofs and lod != "2.2":
+        return "2.2" if roofs or is_curved else "1.3"
+    if (roofs or is_curved) and lod != "2.2":
+        found, name = ("pitched roofs", "roofs") if roofs else ("curved roofs", "roof_surface")
         raise MapError(
-            f"{setting('lod', lod)} has no pitched roofs",
+            f"{setting('lod', lod)} has no {found}",
             "LoD 2.2 for roofs",
-            f"leave {keyword('lod')} or {keyword('roofs')} out",
+            f"leave {keyword('lod')} or {keyword(name)} out",
         )
     return lod
+
+
+def check_curved(
+    surface: StoredHeights | None, rise: object, is_alone: bool = False
+) -> RoofSurface | None:
+    """Return the form of curved roofs, of the shape of ``surface`` and with a ``rise`` in metres,
+    as of `evocity.scene.scene`; ``is_alone`` as of `RoofSurface`.
+
+    Raises `MapError` for a level surface, for a ``rise`` out of range, and for a ``rise`` without a
+    surface.
+    """
+    if surface is None:
+        if rise is None:
+            return None
+        raise MapError(
+            f"{setting('roof_rise', rise)} without {keyword('roof_surface')}",
+            "a surface whose rise it is",
+            f"add {keyword('roof_surface')}, or leave {keyword('roof_rise')} out",
+        )
+    if rise is not None and not (is_number(rise) and 0 < rise <= HIGHEST_RISE):
+        raise MapError(
+            f"{setting('roof_rise', rise)} is out of range",
+            f"a number of metres above 0, and at most {HIGHEST_RISE:g}",
+            f"choose for example 4, or leave {keyword('roof_rise')} out for a fifth of the width",
+        )
+    try:
+        heights = np.asarray(surface.surface.heights(), np.float64)
+    except (AttributeError, TypeError, ValueError):
+        raise MapError(
+            f"{setting('roof_surface', surface)} is not a surface",
+            "a StoredSurface",
+            "read one with evocity.shapes.read_surface(…)",
+        ) from None
+    low, high = float(heights.min()), float(heights.max())
+    if high - low <= 1e-9 * max(abs(low), abs(high), 1e-9):
+        raise MapError(
+            f"the surface for roofs is level: all its heights are {low:g} m",
+            "a surface with a form, such as a vault",
+            "make one: evocity surface make vault -o vault.json",
+        )
+    shares = (heights - low) / (high - low)
+    return RoofSurface(shares, None if rise is None else float(rise), is_alone)
 
 
 def check_heights(city: CityMap) -> None:

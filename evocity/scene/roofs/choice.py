@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from evocity.io.roof_shapes import SHAPES
 from evocity.scene.roofs.plans import Sides
 
 #: Numbers of the shapes of roofs in `evocity.io.roof_shapes.SHAPES`.
@@ -46,6 +47,22 @@ class Choice:
     plain: np.ndarray
     shed: np.ndarray
     mono: np.ndarray
+
+
+def given_shapes(polygons: np.ndarray, shapes: np.ndarray | None) -> np.ndarray:
+    """Return the shape that the source gives each building, int64 ``(n,)``, or -1: the one with
+    the largest area among the points in a polygon."""
+    given = np.full(len(polygons), -1)
+    if shapes is None:
+        return given
+    point, own = shapely.STRtree(polygons).query(
+        shapely.points(shapes[:, :2]), predicate="intersects"
+    )
+    areas = np.zeros((len(polygons), len(SHAPES)))
+    np.add.at(areas, (own, shapes[point, 2].astype(int)), shapes[point, 3])
+    some = areas.any(axis=1)
+    given[some] = areas[some].argmax(axis=1)
+    return given
 
 
 def choose_shapes(

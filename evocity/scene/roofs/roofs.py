@@ -19,7 +19,16 @@ from evocity.scene.roofs.choice import (
     WIDEST,
     Choice,
     choose_shapes,
+    given_shapes,
     slopes_of,
+)
+from evocity.scene.roofs.curved import (
+    CURVED,
+    RoofSurface,
+    are_wide,
+    curved_roof,
+    frame_of,
+    rise_of,
 )
 from evocity.scene.roofs.plans import Sides, sides_of
 from evocity.scene.roofs.skeleton import Skeleton, skeleton_of
@@ -36,6 +45,8 @@ _GRAIN, _TILT = 7e-4, 0.2
 _PARTS = 5000
 #: Most share of a plan under a flat part of a pitched roof.
 _DECK = 0.5
+# Names of the shapes of roofs.
+_NAMES = (*SHAPES, CURVED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +65,7 @@ def raise_roofs(
     ridges: bool,
     shapes: np.ndarray | None = None,
     given: np.ndarray | None = None,
+    curved: RoofSurface | None = None,
 ) -> list[Group]:
     """Put pitched roofs on the buildings of a scene.
 
@@ -66,6 +78,7 @@ def raise_roofs(
         from the south-west corner; or None.
     given : int ``(n, 2)``, the roof of each building by its id, as of `evocity.scene.Scene`; it
         comes in place of ``ridges`` and ``shapes``. Or None.
+    curved : the form of roofs on wide buildings without pitched roofs; or None.
 
     Each roof is the weighted straight skeleton of its plan. No roof slopes to a wall that it shares
     with a building that reaches its eaves, and no ridge is farther than 8 m from its eaves: what
@@ -97,9 +110,12 @@ def raise_roofs(
     choice = choose_shapes(polygons, heights, able, sides, stated)
     rings = replace(rings, points=own)
     made = _Making(polygons, rings, placed, first, heights, sides, choice, storey, ends)
-    for moves in (choice.moves, choice.plain):
+    is_pitched = curved is None or not curved.is_alone
+    for moves in (choice.moves, choice.plain) if is_pitched else ():
         for least in LEAST:
             made.attempt(np.flatnonzero(choice.may & (made.shapes == FLAT)), moves, least)
+    if curved is not None:
+        made.lay(np.flatnonzero(able & (made.shapes == FLAT) & are_wide(polygons, heights)), curved)
     shells = made.shells()
     done, begin = list(groups), 0
     for k in chosen:
@@ -108,7 +124,7 @@ def raise_roofs(
         begin += len(group)
         named = np.array([kind == "Building" for kind in group.city_objects], bool)
         numbers = zip(made.shapes[rows], named, strict=True)
-        shape = [SHAPES[number] if own else None for number, own in numbers]
+        shape = [_NAMES[number] if own else None for number, own in numbers]
         eaves = [
             round(float(z), 3) if own else None
             for z, own in zip(made.eaves[rows], named, strict=True)
@@ -134,26 +150,11 @@ def _moved_home(polygons: np.ndarray) -> np.ndarray:
     return shapely.set_coordinates(polygons.copy(), np.round(points - points[begin][of], 6))
 
 
-def given_shapes(polygons: np.ndarray, shapes: np.ndarray | None) -> np.ndarray:
-    """Return the shape that the source gives each building, int64 ``(n,)``, or -1: the one with
-    the largest area among the points in a polygon."""
-    given = np.full(len(polygons), -1)
-    if shapes is None:
-        return given
-    point, own = shapely.STRtree(polygons).query(
-        shapely.points(shapes[:, :2]), predicate="intersects"
-    )
-    areas = np.zeros((len(polygons), len(SHAPES)))
-    np.add.at(areas, (own, shapes[point, 2].astype(int)), shapes[point, 3])
-    some = areas.any(axis=1)
-    given[some] = areas[some].argmax(axis=1)
-    return given
-
-
 def count_shapes(groups: Sequence[Group]) -> dict[str, int]:
-    """Count the roofs of each of `evocity.scene.roofs.SHAPES` in the groups of a scene."""
+    """Count the roofs of each of `evocity.scene.roofs.SHAPES`, and the curved roofs, in the groups
+    of a scene."""
     shapes = [shape for group in groups for shape in group.attributes.get("roof", [])]
-    return {shape: shapes.count(shape) for shape in SHAPES}
+    return {shape: shapes.count(shape) for shape in _NAMES}
 
 
 def _able(group: Group) -> np.ndarray:
@@ -211,6 +212,22 @@ class _Making:
             self.parts[k] = kept[k]
             self.eaves[k], self.tops[k] = eaves[k], eaves[k] + rises[k]
             self.shapes[k] = self._shape(k, moves, roofs[k].skeleton)
+
+    def lay(self, rows: np.ndarray, roof: RoofSurface) -> None:
+        """Put curved roofs on the buildings ``rows``."""
+        pieces, ends = {}, {}
+        for k in rows.tolist():
+            frame, span = frame_of(self.polygons[k]), slice(self.first[k], self.first[k + 1])
+            rise = rise_of(roof, frame.width, float(self.tops[k]), bool(self.ridges[k]))
+            eaves = float(self.tops[k]) - (rise if self.ridges[k] else 0.0)
+            ring, after = self.rings.points[span], self.after[span] - self.first[k]
+            made = curved_roof(self.polygons[k], ring, after, frame, roof, eaves, rise)
+            if made is not None:
+                pieces[k], ends[k] = made, eaves
+        self.parts |= (kept := _check(pieces, self))
+        for k in kept:
+            self.eaves[k], self.tops[k] = ends[k], pieces[k][0][:, 2].max()
+            self.shapes[k] = _NAMES.index(CURVED)
 
     def _roof(self, k: int, weights: np.ndarray, least: float) -> _Roof | None:
         span = slice(self.first[k], self.first[k + 1])
