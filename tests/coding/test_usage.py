@@ -297,15 +297,17 @@ def test_an_unknown_part_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("block", "how"),
+    ("name", "block", "how"),
     [
-        (8, {}),  # pixels to ground, Marsault 2002 §5.5
-        (8, {"count": "ranges", "part": "blocks"}),  # range blocks, 2005 §2.4
-        (4, {"count": "ranges", "part": "blocks"}),
+        ("lyon-1er", 8, {}),  # pixels to ground, Marsault 2002 §5.5
+        ("new-york-west-village", 16, {}),  # range blocks as wide as buildings, §6.1
+        ("lyon-1er", 8, {"count": "ranges", "part": "blocks"}),  # range blocks, 2005 §2.4
+        ("lyon-1er", 4, {"count": "ranges", "part": "blocks"}),
+        ("new-york-west-village", 4, {"count": "ranges", "part": "blocks"}),
     ],
 )
-def test_a_low_pass_at_1_simplifies_a_real_city_as_in_the_papers(block, how):
-    city = evocity.read_map("lyon-1er", pixels=192)
+def test_a_low_pass_at_1_simplifies_a_real_city_as_in_the_papers(name, block, how):
+    city = evocity.read_map(name, pixels=192)
     genome = uniformly(city, block=block, reach=None).genome
     plain, simple = (decode(one).city for one in (genome, low_pass(genome, 1, **how)))
     for told in (crumbs, vertices):
