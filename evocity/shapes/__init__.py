@@ -20,6 +20,7 @@
 - `lines`: checks, resampling and crossings of polylines
 - `surface`: surfaces of few control points; `surface_detail`, `surface_fit`, `surface_files`:
   height maps of ground as surfaces with details, their fit and their files
+- `surface_forms`: vaults, domes and other forms of roofs
 - `wires`: a segment replaced by a line, iterated; metamorphosis
 - `files`: shapes and curves in files, JSON and Parquet
 - `linear`: small matrices
