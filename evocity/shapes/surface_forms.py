@@ -61,5 +61,5 @@ def surface_form(name: str, bays: int | None = None) -> DetailedSurface:
             own = np.where(own < 1 - _SLOPE, own / (1 - _SLOPE), (1 - own) / _SLOPE)
             own = np.minimum(own, 1.0)
         heights = own
-    heights = np.round(np.broadcast_to(heights, (len(at), len(at))), 12)
-    return DetailedSurface.drawn(heights, maps, maps, kept, _DEPTH)
+    whole = np.round(np.broadcast_to(heights, (len(at), len(at))), 12)
+    return DetailedSurface.drawn(whole, maps, maps, kept, _DEPTH)

@@ -170,7 +170,7 @@ def test_solids_are_closed(form, roofs, streets):
 
 @pytest.mark.parametrize("name", ["lyon-1er", "new-york-west-village"])
 def test_roofs_of_districts_are_closed(name):
-    city = evocity.read_map(name, pixels=80)
+    city = evocity.read_map(name, pixels=96)
     scene = evocity.scene(city, roof_surface=stored("dome"), streets=True)
     check_roofs(scene)
     (group,) = (group for group in roofs_of(scene) if group.name == "building")

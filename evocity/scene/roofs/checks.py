@@ -1,6 +1,6 @@
 """Levels of detail, maps and surfaces that can have, or be, roofs."""
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -47,7 +47,7 @@ def level_of(lod: str | None, roofs: bool, is_curved: bool = False) -> str:
 
 
 def check_curved(
-    surface: StoredHeights | None, rise: object, is_alone: bool = False
+    surface: StoredHeights | None, rise: Any, is_alone: bool = False
 ) -> RoofSurface | None:
     """Return the form of curved roofs, of the shape of ``surface`` and with a ``rise`` in metres,
     as of `evocity.scene.scene`; ``is_alone`` as of `RoofSurface`.

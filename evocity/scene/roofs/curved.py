@@ -204,7 +204,8 @@ def _crossings(start: np.ndarray, end: np.ndarray, frame: Frame, cells: np.ndarr
 def _nodes(plan: shapely.Polygon, frame: Frame, cells: np.ndarray) -> np.ndarray:
     """Return the corners of cells inside a plan and not near its outline, ``(k, 2)``, in cells."""
     local = shapely.transform(plan, lambda points: frame.shares(points) * cells)
-    nodes = np.stack(np.indices(cells + 1), axis=-1).reshape(-1, 2).astype(float)
+    counts = tuple((cells + 1).tolist())
+    nodes = np.argwhere(np.ones(counts, bool)).astype(np.float64)
     nodes = nodes[shapely.contains_xy(local, *nodes.T)]
     return nodes[shapely.distance(local.boundary, shapely.points(nodes)) >= _INSIDE]
 
