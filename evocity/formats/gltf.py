@@ -1,6 +1,7 @@
 """Binary glTF 2.0, y up: a node for each object, or a mesh for each group."""
 
 from collections.abc import Sequence
+from json.encoder import encode_basestring as quoted
 from typing import Any
 
 import numpy as np
@@ -131,14 +132,13 @@ class _Writer:
         low, high = (how.reduceat(plan, starts) for how in (np.minimum, np.maximum))
         origins = np.zeros((len(self.group), 3))
         origins[owners, :2] = np.round((low + high) / 2, 3)
-        meshes = self._meshes(made, origins, names)
-        extras = _extras(columns)
-        nodes = []
-        for k, (x, y, _) in zip(owners.tolist(), origins[owners].tolist(), strict=True):
-            place = [x, 0.0, 0.0 - y]
-            value = {"name": names[k], "mesh": meshes[k], "translation": place, "extras": extras[k]}
-            nodes.append(self.document.append("nodes", value))
-        return nodes
+        meshes, extras = self._meshes(made, origins, names), _extras(columns)
+        texts = [
+            f'{{"name":{quoted(names[k])},"mesh":{meshes[k]},'
+            f'"translation":[{x},0.0,{0.0 - y}],"extras":{extras[k]}}}'
+            for k, (x, y, _) in zip(owners.tolist(), origins[owners].tolist(), strict=True)
+        ]
+        return list(self.document.append_texts("nodes", texts))
 
     def _copies(
         self, copies: Copies, mesh: Mesh, used: np.ndarray, names: list[str], columns: dict
@@ -146,12 +146,12 @@ class _Writer:
         """Add nodes of the copies ``used``, which share the meshes of their shapes."""
         meshes = self._shapes(copies, mesh, used)
         moves, extras = _moves(copies, self.group.lift), _extras(columns)
-        nodes = []
+        texts = []
         for k in used.tolist():
             value: dict[str, Any] = {"name": names[k], "mesh": meshes[int(copies.of[k])]}
             value |= {key: short(*rows[k].tolist()) for key, rows in moves.items()}
-            nodes.append(self.document.append("nodes", value | {"extras": extras[k]}))
-        return nodes
+            texts.append(f'{to_json(value)[:-1]},"extras":{extras[k]}}}')
+        return list(self.document.append_texts("nodes", texts))
 
     def _instanced(self, copies: Copies, mesh: Mesh, used: np.ndarray, table) -> list[int]:
         """Add a node of each shape, with the places of its copies."""
@@ -188,19 +188,20 @@ class _Writer:
     def _meshes(self, made: Facets, origins: np.ndarray, names: list[str]) -> dict[int, int]:
         """Add a mesh for each solid, in metres from its origin; their indices by solid."""
         primitives = self._primitives(made, made.points - origins[made.owner], made.owner, made.of)
-        return {k: self._mesh(names[k], own) for k, own in primitives.items()}
-
-    def _mesh(self, name: str, primitives: list[str]) -> int:
-        text = f'{{"name":{to_json(name)},"primitives":[{",".join(primitives)}]}}'
-        return self.document.append_text("meshes", text)
+        texts = [
+            f'{{"name":{quoted(names[k])},"primitives":[{",".join(own)}]}}'
+            for k, own in primitives.items()
+        ]
+        return dict(zip(primitives, self.document.append_texts("meshes", texts), strict=True))
 
     def merged(self, mesh: Mesh, table: int | None = None) -> int:
         """Add one mesh of all solids of a ``mesh``, with the property table ``table``."""
         made = facets(mesh, np.array(tiles_of(self.group)))
         chunk = _chunks(made.owner)
         primitives = self._primitives(made, made.points, chunk[made.owner], chunk[made.of], table)
-        listed = [one for own in primitives.values() for one in own]
-        return self._mesh(self.group.name, listed)
+        listed = ",".join([one for own in primitives.values() for one in own])
+        text = f'{{"name":{quoted(self.group.name)},"primitives":[{listed}]}}'
+        return self.document.append_texts("meshes", [text])[0]
 
     def _primitives(
         self,
@@ -236,7 +237,7 @@ class _Writer:
         template = ",".join([f'"{name}":%d' for name in first])
         rows = np.array(list(first.values())) + np.arange(len(numbers))[:, None]
         attributes = [template % tuple(row) for row in rows.tolist()]
-        batch = np.searchsorted(numbers, triangle)
+        batch = np.cumsum(np.diff(triangle, prepend=triangle[:1]) != 0)
         local = made.triangles - starts.astype(made.triangles.dtype)[batch][:, None]
         indices = self._indices(local, batch, counts < MOST, made.of_roof & self._split)
         found = {}
@@ -261,17 +262,18 @@ class _Writer:
         document = self.document
         found: list[list[tuple[int, int]]] = [[] for _ in range(len(small))]
         part = batch * 2 + roof
-        order = np.argsort(part, kind="stable")
-        local, part = local[order], part[order]
+        if (np.diff(part) < 0).any():
+            order = np.argsort(part, kind="stable")
+            local, part = local[order], part[order]
         for chosen, kind in ((small, "<u2"), (~small, "<u4")):
-            own = chosen[part // 2]
-            if not own.any():
+            if not chosen.any():
                 continue
-            pool, step = f"indices {kind}", 3 * int(kind[2])
+            own = slice(None) if chosen.all() else chosen[part // 2]
+            pool, step, parts = f"indices {kind}", 3 * int(kind[2]), part[own]
             at = document.add(pool, local[own].astype(kind).ravel(), "indices")
-            starts = np.flatnonzero(np.diff(part[own], prepend=-1))
-            parts = part[own][starts]
-            counts = 3 * np.diff(np.r_[starts, np.count_nonzero(own)])
+            starts = np.flatnonzero(np.diff(parts, prepend=-1))
+            counts = 3 * np.diff(np.r_[starts, len(parts)])
+            parts = parts[starts]
             places = (at + starts * step).tolist()
             first = document.accessors(pool, places, counts.tolist(), kind, "SCALAR")
             for k, key in enumerate(parts.tolist()):
@@ -315,15 +317,27 @@ def _moves(copies: Copies, lift: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def _extras(columns: dict[str, list]) -> list[dict[str, Any]]:
-    """Return the properties of each object, without missing values."""
-    rows = zip(*columns.values(), strict=True)
+def _extras(columns: dict[str, list]) -> list[str]:
+    """Return the properties of each object as JSON, without missing values."""
+    labels, texts = [to_json(name) for name in columns], [_values(one) for one in columns.values()]
     if not any(None in values for values in columns.values()):
-        return [dict(zip(columns, row, strict=True)) for row in rows]
+        template = ",".join([f"{label.replace('%', '%%')}:%s" for label in labels])
+        return [f"{{{template % row}}}" for row in zip(*texts, strict=True)]
     return [
-        {name: value for name, value in zip(columns, row, strict=True) if value is not None}
-        for row in rows
+        f"{{{','.join([f'{a}:{b}' for a, b in zip(labels, row, strict=True) if b != 'null'])}}}"
+        for row in zip(*texts, strict=True)
     ]
+
+
+def _values(column: list) -> list[str]:
+    """Return each value of a ``column`` as JSON."""
+    kinds = set(map(type, column))
+    if kinds <= {int, float, type(None)}:  # numbers hold no commas
+        return to_json(column)[1:-1].split(",")
+    if kinds == {str}:
+        known = {value: quoted(value) for value in set(column)}
+        return [known[value] for value in column]
+    return [to_json(value) for value in column]
 
 
 def _y_up(points: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 import json
 import struct
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -23,12 +24,12 @@ _ENCODER = json.JSONEncoder(ensure_ascii=False, separators=(",", ":"))
 class Document:
     """A glTF document to which arrays and members are added.
 
-    members : the JSON members, lists or dicts by name.
+    members : the JSON members by name. Lists hold values, or texts that are JSON already: a scene
+        has some thousands of nodes, which are quicker to write as text at once.
     """
 
     def __init__(self, members: dict[str, Any]):
         self.members = members | {"accessors": [], "bufferViews": []}
-        self._texts: dict[str, list[str]] = {}
         self._accessors: list[tuple[str, str]] = []
         self._pools: dict[str, list[bytes]] = {}
         self._filled: dict[str, int] = {}
@@ -41,12 +42,11 @@ class Document:
         listed.append(value)
         return len(listed) - 1
 
-    def append_text(self, member: str, text: str) -> int:
-        """Append a value that is JSON already to the list ``member``, all of whose values are such
-        texts; return its index."""
-        listed = self._texts.setdefault(member, [])
-        listed.append(text)
-        return len(listed) - 1
+    def append_texts(self, member: str, texts: Sequence[str]) -> range:
+        """Append values that are JSON already to the list ``member``, and return their indices."""
+        listed = self.members.setdefault(member, [])
+        listed += texts
+        return range(len(listed) - len(texts), len(listed))
 
     def use(self, extension: str, required: bool = False) -> str:
         """Name an ``extension`` that the file uses, or that viewers must know."""
@@ -116,17 +116,17 @@ class Document:
             index[pool] = len(views)
             _place(views, body, b"".join(parts), self._views[pool])
         if self._extensions:
-            members["extensionsUsed"] = list(self._extensions)
-            members["extensionsRequired"] = [k for k, needed in self._extensions.items() if needed]
+            needed = [name for name, required in self._extensions.items() if required]
+            members["extensionsUsed"] = [to_json(name) for name in self._extensions]
+            members["extensionsRequired"] = [to_json(name) for name in needed]
         body += b"\0" * (-len(body) % 4)
         members["buffers"] = [{"byteLength": len(body)}]
         if not body:
             del members["buffers"]
-        rows = [f'{{"bufferView":{index[pool]},{rest}}}' for pool, rest in self._accessors]
-        texts = {key: to_json(value) for key, value in members.items()}
-        texts |= {
-            key: f"[{','.join(own)}]" for key, own in (*self._texts.items(), ("accessors", rows))
-        }
+        members["accessors"] = [
+            f'{{"bufferView":{index[pool]},{rest}}}' for pool, rest in self._accessors
+        ]
+        texts = {key: _texts(value) for key, value in members.items()}
         listed = [f'"{key}":{value}' for key, value in texts.items() if value != "[]"]
         text = f"{{{','.join(listed)}}}".encode()
         text += b" " * (-len(text) % 4)
@@ -142,6 +142,13 @@ def _place(views: list[dict], body: bytearray, data: bytes, view: dict) -> None:
     body += b"\0" * (-len(body) % 8)
     views.append({"buffer": 0, "byteOffset": len(body), "byteLength": len(data)} | view)
     body += data
+
+
+def _texts(value: Any) -> str:
+    """Write a member as JSON; texts in a list are JSON already."""
+    if not isinstance(value, list):
+        return to_json(value)
+    return f"[{','.join([one if isinstance(one, str) else to_json(one) for one in value])}]"
 
 
 def to_json(value: Any) -> str:
