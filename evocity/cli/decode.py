@@ -105,12 +105,13 @@ def decode(
     other roofs, and the genome stays the same.
 
     A footprint file has one polygon per building, with the columns "id", "height" (mean height of
-    the building, in metres), "area" (in m²) and "class". Walls are straight lines fitted to the
-    pixels, and footprints never overlap. If the parents of a child are two towns, the child's map
-    has no coordinates on Earth: write the map as .gpkg, in local metres, not as .geojson. With
-    --at, the map of a child gets the coordinates of one source city. With --crs, the output gets
-    another reference system. QGIS shows a .gpkg or .tif file in the colours of evocity's pictures.
-    The style of a .tif file is a second file, with the suffix .qml.
+    the building, in metres) and "area" (in m²). Except GeoJSON, it also has "class" and "source",
+    the source city. Walls are straight lines fitted to the pixels, and footprints never overlap. If
+    the parents of a child are two towns, the child's map has no coordinates on Earth: write the map
+    as .gpkg, in local metres, not as .geojson. With --at, the map of a child gets the coordinates
+    of one source city. With --crs, the output gets another reference system. QGIS shows a .gpkg or
+    .tif file in the colours of evocity's pictures. The style of a .tif file is a second file, with
+    the suffix .qml.
     """
     from evocity.io import RAW_WRITERS, WRITERS
     from evocity.io.writers import PLACED
@@ -151,12 +152,25 @@ def decode(
     filtered = "".join(f", {name} at {f_c:g}" for name, f_c in filters.items())
     name = name_decoded(city.name, code, genome, identifier) + filtered
     city = city.replace(city.heights, name=name)
-    evocity.write_map(city, output, raw=raw, crs=crs)
+    evocity.write_map(city, output, raw=raw, crs=crs, columns=_sources(city, code, output, raw))
     if output.suffix.lower() in _PLACED:
         note_nowhere(genome, code, city)
     for line in (describe(city), *facts, f"decoded in {decoding.iterations} steps"):
         echo(line)
     echo(f"wrote {output}")
+
+
+def _sources(city, code, output: Path, raw: bool) -> dict | None:
+    """The column of the source city of each footprint; None for files without columns."""
+    import numpy as np
+
+    from evocity.fitness.heredity import building_sources
+    from evocity.io.writers import TABLES
+
+    if output.suffix.lower() not in TABLES:
+        return None
+    named = np.array(building_sources(city, code), dtype=object)
+    return {"source": named if raw else named[city.walls.buildings - 1]}
 
 
 def _write_form(

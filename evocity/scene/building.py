@@ -299,10 +299,12 @@ class Scene:
 
     @property
     def _footprints(self) -> tuple[Walls, dict[str, np.ndarray]]:
-        """The footprints as `write_map` takes them, with columns: class and object."""
+        """The footprints as `write_map` takes them, with columns: class, source and object."""
         walls, classes = self.walls, self.classes
         names = np.array(classes.names, dtype=object)
         columns = {"class": names[classes.of_buildings[walls.buildings - 1]]}
+        if len(self.sources):
+            columns["source"] = np.array(self.sources, dtype=object)[walls.buildings - 1]
         laid = self.substitution
         if laid is not None:
             polygons = tuple(laid.polygons)

@@ -7,6 +7,7 @@ import pytest
 from cli_tools import AT_2_M, PLAIN, call, refused, write_town
 
 import evocity
+from evocity.fitness.heredity import building_sources
 
 
 @pytest.fixture
@@ -40,6 +41,34 @@ def test_a_decoded_map_as_footprints(tmp_path, placed, suffix):
     back = evocity.read_map(path, pixels=64)
     np.testing.assert_array_equal(back.built, city.built)
     assert back.attribution == city.attribution
+
+
+def read_footprints(path) -> geopandas.GeoDataFrame:
+    if path.suffix == ".geoparquet":
+        return geopandas.read_parquet(path)
+    return geopandas.read_file(path, layer=0)
+
+
+@pytest.mark.parametrize("suffix", [".gpkg", ".fgb", ".geoparquet"])
+@pytest.mark.parametrize("raw", [(), ("--raw",)])
+def test_footprints_of_a_child_name_their_source_cities(tmp_path, placed, suffix, raw):
+    town, child, path = (
+        tmp_path / "town.parquet",
+        tmp_path / "child.parquet",
+        tmp_path / f"a{suffix}",
+    )
+    call("encode", "new-york-west-village", "--pixels", 64, "-o", town)
+    call("breed", "region_fusion", placed, town, "--seed", 3, "-o", child)
+    call("decode", child, *raw, "-o", path)
+    table = read_footprints(path)
+    genome = evocity.read_genome(child)
+    city = evocity.decode(genome).city
+    named = building_sources(city, genome)
+    assert list(table["source"]) == [named[k - 1] for k in table["id"]]
+    assert len(set(named)) == 2
+    if not raw:
+        call("scene", child, "-o", path)
+        assert list(read_footprints(path)["source"]) == list(table["source"])
 
 
 def test_what_lies_nowhere_becomes_a_geopackage(tmp_path, nowhere):
