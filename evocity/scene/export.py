@@ -1,7 +1,9 @@
 """Files of scenes: the formats by suffix, and their options."""
 
+import gc
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -66,6 +68,13 @@ def write(groups: Sequence[Group], about: About, path: str | os.PathLike, **how:
     check_options(path, how)
     if suffix not in _VIEWERS:
         groups = [replace(group, floors=True) for group in groups]
+    with _collection_paused():
+        _write(groups, about, path, suffix, how)
+
+
+def _write(
+    groups: Sequence[Group], about: About, path: Path, suffix: str, how: Mapping[str, Any]
+) -> None:
     if suffix == ".obj":
         beside = path.with_suffix(".mtl")
         check_place(beside)
@@ -77,6 +86,19 @@ def write(groups: Sequence[Group], about: About, path: str | os.PathLike, **how:
     data = content if isinstance(content, bytes) else content.encode("utf-8")
     with open_output(path) as temporary:
         temporary.write_bytes(data)
+
+
+@contextmanager
+def _collection_paused() -> Iterator[None]:
+    """Pause the search for cycles of objects. Writers make many small objects without cycles, and a
+    search through all objects of a large program takes as long as a file."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 def cuts_attribution(suffix: str, about: About) -> bool:

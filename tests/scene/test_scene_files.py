@@ -5,6 +5,7 @@ https://github.com/cityjson/specs, tag 2.0.1, whose licence is CC0 1.0.
 """
 
 import functools
+import gc
 import json
 import shutil
 import subprocess
@@ -31,6 +32,7 @@ from evocity.formats.solids import FLOOR, ROOF, WALL
 from evocity.formats.trees import form_of
 from evocity.io.map_reader import data_of
 from evocity.io.reader_types import Request
+from evocity.scene import export
 
 MESHES = (".glb", ".obj", ".wrl", ".x3d")
 NODE = Path(__file__).parents[2] / ".venv" / "node"
@@ -648,3 +650,40 @@ def test_objects_of_a_library_stand_in_a_scene(tmp_path):
     first = path.read_bytes()
     evocity.scene(city, library=library, rng=np.random.default_rng(3)).write(path)
     assert path.read_bytes() == first
+
+
+def test_writing_pauses_the_collection_of_cycles_and_restores_it(tmp_path, monkeypatch):
+    scene, seen = evocity.scene(drawn(rings().heights)), []
+
+    def failing(*_, **__):
+        seen.append(gc.isenabled())
+        raise ValueError("drawn")
+
+    monkeypatch.setitem(export._WRITERS, ".glb", failing)
+    for enabled in (True, False):
+        (gc.enable if enabled else gc.disable)()
+        try:
+            scene.write(tmp_path / "a.x3d")
+            assert gc.isenabled() == enabled
+            with pytest.raises(ValueError, match="drawn"):
+                scene.write(tmp_path / "a.glb")
+            assert gc.isenabled() == enabled
+        finally:
+            gc.enable()
+    assert seen == [False, False]
+
+
+def test_extras_of_nodes_keep_any_text_and_leave_out_missing_values(tmp_path):
+    texts = ['100 %s, "quoted"', "a\\b\n", "Genève, ç", "null"]
+    columns = {"%d text": texts, "number": [1, 2.5, None, 1e-7], "mixed": [None, "x, y", 3, 0.0]}
+    columns["storeys"] = [1, 2, 3, 4]
+    squares = shapely.box(np.arange(4) * 20, 0, np.arange(4) * 20 + 10.0, 10)
+    about = About("drawn", "", None, (0.0, 0.0), (80.0, 80.0), (40.0, 40.0, 2.0))
+    group = Group("building", (0.5, 0.5, 0.5), squares, np.full(4, 3.25), columns)
+    (tmp_path / "a.glb").write_bytes(glb([group], about))
+    document, _ = parsed.glb_document(tmp_path / "a.glb")
+    read = [node["extras"] for node in document["nodes"] if "extras" in node]
+    for k, extras in enumerate(read):
+        wanted = {name: values[k] for name, values in columns.items() if values[k] is not None}
+        assert extras == {"class": "building", "height": 3.25} | wanted
+    assert len(read) == 4
