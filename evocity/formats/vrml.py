@@ -8,6 +8,7 @@ also has a colour for each face.
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -21,15 +22,52 @@ from evocity.formats.trees import mesh_of
 GRAIN = 1e-3
 _SCALE = f"{GRAIN} {GRAIN} {GRAIN}"
 
-# Geometries by their points and faces, and viewpoints by their positions.
-_VRML97 = "IndexedFaceSet{{coord Coordinate{{point[{}]}}coordIndex[{}]{}}}"
-_COLOURS = "\ncolorPerVertex FALSE color Color{{color[{}, {}]}}colorIndex[{}]"
-_VIEWPOINT = 'Viewpoint {{ position {} orientation 1 0 0 -0.785 description "from the south" }}'
-_VIEWPOINT_X3D = (
-    '<Viewpoint position="{}" orientation="1 0 0 -0.785" description="from the south"/>'
+
+class _Language(NamedTuple):
+    """Templates of nodes in a language, and the ends of those that hold others."""
+
+    viewpoint: str
+    switch: str
+    level: str
+    group: str
+    ends: tuple[str, str, str]
+    look: str
+    use: str
+    shape: str
+    #: A geometry, by its points, faces and colours.
+    faces: str
+    #: The colours of faces, and what a geometry of one colour has in their place.
+    colours: str
+    bare: str
+
+
+_VRML97 = _Language(
+    'Viewpoint {{ position {} orientation 1 0 0 -0.785 description "from the south" }}',
+    "LOD {{ center {} range [ {} ] level [",
+    "Transform {{ translation 0 0 {} scale {} children [",
+    "DEF {} Group {{ children [",
+    ("] }", "] }", "] }"),
+    "DEF {0}-look Appearance {{ material DEF {0}-material Material {{ diffuseColor {1} }} }}",
+    "USE {}-look",
+    # Blender reads nothing behind USE on its line
+    "DEF {} Shape{{appearance {}\ngeometry {}}}",
+    "IndexedFaceSet{{coord Coordinate{{point[{}]}}coordIndex[{}]{}}}",
+    "\ncolorPerVertex FALSE color Color{{color[{}, {}]}}colorIndex[{}]",
+    "",
 )
-_X3D = '<IndexedFaceSet coordIndex="{1}"{2}<Coordinate point="{0}"/></IndexedFaceSet>'
-_COLOURS_X3D = ' colorPerVertex="false" colorIndex="{2}"><Color color="{0} {1}"/>'
+_X3D = _Language(
+    '<Viewpoint position="{}" orientation="1 0 0 -0.785" description="from the south"/>',
+    '<LOD center="{}" range="{}">',
+    '<Transform translation="0 0 {}" scale="{}">',
+    '<Group DEF="{}">',
+    ("</LOD>", "</Transform>", "</Group>"),
+    '<Appearance DEF="{0}-look"><Material DEF="{0}-material" diffuseColor="{1}"/></Appearance>',
+    '<Appearance USE="{}-look"/>',
+    '<Shape DEF="{}">{}{}</Shape>',
+    '<IndexedFaceSet coordIndex="{1}"{2}<Coordinate point="{0}"/></IndexedFaceSet>',
+    ' colorPerVertex="false" colorIndex="{2}"><Color color="{0} {1}"/>',
+    ">",
+)
 
 
 def vrml97(
@@ -47,25 +85,8 @@ def vrml97(
     info = ", ".join(_quote(line) for line in notes if line)
     parts = ["#VRML V2.0 utf8", f"WorldInfo {{ title {_quote(about.name)} info [ {info} ] }}"]
     parts.append('NavigationInfo { type [ "EXAMINE", "WALK", "ANY" ] }')
-    parts.append(_viewpoint(about, _VIEWPOINT))
-    deep = _ground_depth(about)
-    if coarser:
-        middle, listed = _middle(about), " ".join(f"{one:.10g}" for one in ranges)
-        parts.append(f"LOD {{ center {middle} range [ {listed} ] level [")
-    for level, own_groups in enumerate((groups, *coarser)):
-        prefix = f"level-{level}-" if coarser else ""
-        parts.append(f"Transform {{ translation 0 0 {-deep * GRAIN:.10g} scale {_SCALE} children [")
-        for group, name, material, colour in _listed(own_groups, prefix):
-            look = f"DEF {material}-material Material {{ diffuseColor {colour} }}"
-            look = f"DEF {material}-look Appearance {{ material {look} }}"
-            parts.append(f"DEF {name} Group {{ children [")
-            for own, geometry in _geometries(group, deep, _VRML97, _COLOURS, ""):
-                # Blender reads nothing behind USE on its line
-                parts.append(f"DEF {prefix}{own} Shape{{appearance {look}\ngeometry {geometry}}}")
-                look = f"USE {material}-look"
-            parts.append("] }")
-        parts.append("] }")
-    return "\n".join([*parts, *(["] }"] if coarser else []), ""])
+    parts += _nodes((groups, *coarser), about, ranges, _VRML97)
+    return "\n".join([*parts, ""])
 
 
 def x3d(
@@ -97,25 +118,33 @@ def x3d(
         "</head>",
         "<Scene>",
         '<NavigationInfo type=\'"EXAMINE" "WALK" "ANY"\'/>',
-        _viewpoint(about, _VIEWPOINT_X3D),
     ]
-    deep = _ground_depth(about)
-    if coarser:
-        listed = " ".join(f"{one:.10g}" for one in ranges)
-        parts.append(f'<LOD center="{_middle(about)}" range="{listed}">')
-    for level, own_groups in enumerate((groups, *coarser)):
-        prefix = f"level-{level}-" if coarser else ""
-        parts.append(f'<Transform translation="0 0 {-deep * GRAIN:.10g}" scale="{_SCALE}">')
-        for group, name, material, colour in _listed(own_groups, prefix):
-            look = f'<Material DEF="{material}-material" diffuseColor="{colour}"/>'
-            look = f'<Appearance DEF="{material}-look">{look}</Appearance>'
-            parts.append(f'<Group DEF="{name}">')
-            for own, geometry in _geometries(group, deep, _X3D, _COLOURS_X3D, ">"):
-                parts.append(f'<Shape DEF="{prefix}{own}">{look}{geometry}</Shape>')
-                look = f'<Appearance USE="{material}-look"/>'
-            parts.append("</Group>")
-        parts.append("</Transform>")
-    return "\n".join([*parts, *(["</LOD>"] if coarser else []), "</Scene>", "</X3D>", ""])
+    parts += _nodes((groups, *coarser), about, ranges, _X3D)
+    return "\n".join([*parts, "</Scene>", "</X3D>", ""])
+
+
+def _nodes(
+    levels: Sequence[Sequence[Group]], about: About, ranges: Sequence[float], language: _Language
+) -> Iterator[str]:
+    """Yield the lines of the viewpoint and of all groups: of one level, or of a node LOD."""
+    yield _viewpoint(about, language.viewpoint)
+    deep, several = _ground_depth(about), len(levels) > 1
+    end_switch, end_level, end_group = language.ends
+    if several:
+        yield language.switch.format(_middle(about), " ".join(f"{one:.10g}" for one in ranges))
+    for number, groups in enumerate(levels):
+        prefix = f"level-{number}-" if several else ""
+        yield language.level.format(f"{-deep * GRAIN:.10g}", _SCALE)
+        for group, name, material, colour in _listed(groups, prefix):
+            look = language.look.format(material, colour)
+            yield language.group.format(name)
+            for own, geometry in _geometries(group, deep, language):
+                yield language.shape.format(prefix + own, look, geometry)
+                look = language.use.format(material)
+            yield end_group
+        yield end_level
+    if several:
+        yield end_switch
 
 
 def _middle(about: About) -> str:
@@ -161,12 +190,9 @@ def _ground_depth(about: About) -> int:
     return math.ceil(about.size[1] / GRAIN)
 
 
-def _geometries(
-    group: Group, deep: int, template: str, colours: str, bare: str
-) -> Iterator[tuple[str, str]]:
+def _geometries(group: Group, deep: int, language: _Language) -> Iterator[tuple[str, str]]:
     """Yield the name and the faces of each solid: walls have four corners, other faces three. A
-    solid lists its own points. Where a group has two materials, ``colours`` is the template for
-    those of the faces; other groups have ``bare`` in its place."""
+    solid lists its own points. Where a group has two materials, faces have colours."""
     mesh = mesh_of(group)
     quads, owner, threes, rows = pair_walls(mesh)
     owners = mesh.owner[rows]
@@ -205,8 +231,10 @@ def _geometries(
     for k, name in enumerate(names_of(group)):
         own = " ".join(points[starts[k] : starts[k + 1]])
         faces_text = " ".join(numbers[ends[k] : ends[k + 1]])
-        look = colours.format(*pair, parts[2 * places[k] : 2 * places[k + 1] - 1]) if two else bare
-        yield _word(name), template.format(own, faces_text, look)
+        look = language.bare
+        if two:
+            look = language.colours.format(*pair, parts[2 * places[k] : 2 * places[k + 1] - 1])
+        yield _word(name), language.faces.format(own, faces_text, look)
 
 
 def _quote(text: str) -> str:
