@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from evocity.analysis.births import Births
-from evocity.analysis.goals import Aim
 from evocity.analysis.individual import Individual
 from evocity.analysis.shortlist import ShortlistEntry
 from evocity.analysis.thumbnails import highest_of
@@ -144,20 +143,32 @@ def _write_sheet(
     births = individuals[0].births
     cells = []
     for one in individuals:
-        head, *scores = caption(one.id, births.logged, one.scores)
+        head, *scores = caption(one)
         role = [roles.get(one.id, "")] if roles else []
         cells.append((one.city, [head, *role, *scores]))
     attribution = births.run.header.attribution
     columns = columns_for(len(cells))
-    sheet = sheet_of(cells, births.run.name, highest_of(births), attribution, columns)
+    note = cross_note(individuals)
+    sheet = sheet_of(cells, births.run.name, highest_of(births), attribution, columns, note)
     with written_file(path) as temporary:
         sheet.save(temporary, format="PNG")
 
 
-def caption(identifier: int, aims: Sequence[Aim], values: Mapping[str, float]) -> list[str]:
-    """Return the lines beneath a map on a sheet: its id and all logged measures."""
-    lines = (f"{aim.name} {values.get(aim.name, math.nan):.4g} {aim.unit}".rstrip() for aim in aims)
-    return [f"individual {identifier}", *lines]
+def caption(one: Individual) -> list[str]:
+    """Return the lines beneath a map on a sheet: its id and all logged measures. A cross marks a
+    birth that breaks bounds, and the measures of these bounds."""
+    scores, lines = one.scores, [f"individual {one.id}" + ("" if one.feasible else " ×")]
+    for aim in one.births.logged:
+        value = scores.get(aim.name, math.nan)
+        mark = "" if aim.within(value) else " ×"
+        lines.append(f"{aim.name} {value:.4g} {aim.unit}".rstrip() + mark)
+    return lines
+
+
+def cross_note(individuals: Iterable[Individual]) -> str:
+    """Return the meaning of the cross for the foot of a sheet; empty if all births keep the
+    bounds."""
+    return "" if all(one.feasible for one in individuals) else "a cross marks a broken bound"
 
 
 def _write_zip(

@@ -22,12 +22,14 @@ def sheet_of(
     highest: float,
     attribution: str = "",
     columns: int = 4,
+    note: str = "",
 ) -> Image.Image:
     """Draw maps in rows of ``columns``, each with its lines of text beneath, the first line darker.
 
     cells : a map and its lines for each place, all maps of one shape; None for an empty place.
     highest : metres at which the colours of all maps end; a scale beneath them shows it.
     attribution : the lines that the licences of the maps ask for, at the foot.
+    note : the meaning of marks in the lines of text, at the foot.
     """
     shown = [cell for cell in cells if cell is not None]
     plain = font(13)
@@ -37,6 +39,7 @@ def sheet_of(
     step = tall + _GAP + _LINE * max((len(lines) for _, lines in shown), default=0)
     width = max(_GAP + columns * (side + _GAP), _SCALE + 2 * _GAP)
     about = _extent([city for city, _ in shown], highest) if shown else ""
+    about += f"; {note}" if note else ""
     feet = [
         line for text in (about, attribution) for line in wrap_text(text, plain, width - 2 * _GAP)
     ]

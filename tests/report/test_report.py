@@ -31,7 +31,7 @@ from evocity.errors import RunError
 from evocity.fitness.heredity import integrity_of
 from evocity.operators.crossover import assemble
 from evocity.pictures.picture import render
-from evocity.report import contact_sheet, failures, html, write_report
+from evocity.report import contact_sheet, failures, html, sheet, write_report
 from evocity.report.html import WORDS, html_of, measure_texts, other_measures, search_for
 from evocity.store import RunLog
 from evocity.templates import data_uri, of_few_colours
@@ -288,11 +288,29 @@ def test_contact_sheet_shows_parents_and_best_on_one_scale(tmp_path):
 def test_captions_of_the_contact_sheet_have_units(tmp_path):
     run = evocity.open_run(make_run(tmp_path / "run", measures=("mean_height", "gsi")))
     (best,) = best_of_last(run, 1)
-    first, height, gsi = caption(best, run.columns.logged, run[best].scores)
-    assert first.startswith("individual ")
+    first, height, gsi = caption(run[best])
+    assert first == f"individual {best}"
     assert height.startswith("mean_height ")
     assert height.endswith(" m")
     assert re.fullmatch(r"gsi [\d.]+", gsi)
+
+
+def test_the_contact_sheet_marks_broken_bounds(tmp_path, monkeypatch):
+    goals = [{"name": "gsi", "goal": "max", "max": 0.5}, {"name": "fsi", "min": 0.5}]
+    run = evocity.open_run(make_run(tmp_path / "run", provenance={"fitness": goals}))
+    seen = []
+    monkeypatch.setattr(sheet, "sheet_of", lambda cells, *more: seen.append((cells, more[-1])))
+    contact_sheet(run)
+    (cells, note), marked = seen[0], 0
+    assert note == "a cross marks a broken bound"
+    for _, (first, *lines) in filter(None, cells):
+        if first.startswith("individual"):
+            one = run[int(first.split()[1])]
+            broken = [one.scores["gsi"] > 0.5, one.scores["fsi"] < 0.5]
+            assert [line.endswith(" ×") for line in lines] == broken
+            assert first.endswith(" ×") == any(broken)
+            marked += any(broken)
+    assert marked > 0
 
 
 def test_measures_say_what_they_measure(usual):
