@@ -115,7 +115,8 @@ def choose_shortlist(
     apart: float = APART,
 ) -> Shortlist:
     """Choose ``count`` of the births ``ids``, which are ``where``, or as many as differ: the best
-    compromise, the best by each goal, then medoids of the largest groups of others.
+    compromise, the best by each goal, then medoids of the largest groups of others. The best by a
+    goal that looks like a birth chosen before comes last, and its place goes to another look.
 
     Without ``where``, the births are the archive. With a single goal, or early in a run, the
     archive is small: the living that keep the constraints then stand beside it.
@@ -127,16 +128,36 @@ def choose_shortlist(
             where += " or alive"
     choice = _Choice(births, ids, where)
     choice.take(best_compromise(choice.losses, np.ones(len(births.goals))), "compromise")
+    alike = []  # rows of the best by a goal, with the chosen row that each looks like
     for column, goal in enumerate(births.goals):
         if len(choice.roles) < count and choice.differ(column):
-            choice.take(choice.best(column), f"best {goal}")
+            row = choice.best(column)
+            like = _find_alike(choice, likeness, row, apart)
+            if like is None:
+                choice.take(row, f"best {goal}")
+            else:
+                alike.append((row, column, like))
     most = min(count, len(ids))
     kinds = _kinds(choice, likeness, count, apart) if len(choice.roles) < most else ()
     for row, why in kinds:
         choice.take(row, "of another kind", why)
         if len(choice.roles) == most:  # the iterator has more
             break
+    for row, column, like in alike:
+        if row in choice.roles or len(choice.roles) < most:
+            choice.take(row, f"best {births.goals[column]}")
+        else:
+            choice.alike.setdefault(like, {}).setdefault(row, []).append(column)
     return Shortlist(choice.entry(row) for row in choice.roles)
+
+
+def _find_alike(choice: "_Choice", likeness: Likeness, row: int, apart: float) -> int | None:
+    """The row of the entry that looks like another ``row``; None if none does."""
+    if row in choice.roles:
+        return None
+    own = np.fromiter(choice.roles, np.intp)
+    far = likeness.from_one(int(choice.ids[row]), choice.ids[own], "looks")
+    return int(own[far.argmin()]) if far.min() <= apart else None
 
 
 def _kinds(
@@ -182,13 +203,15 @@ def _stands_for(others: int, where: str) -> str:
 
 
 class _Choice:
-    """The entries so far, of the births ``ids``: row -> roles and reason."""
+    """The entries so far, of the births ``ids``: row -> roles and reason. ``alike``: row of an
+    entry -> rows that look like it -> columns of the goals in which these are the best."""
 
     def __init__(self, births: Births, ids: np.ndarray, where: str):
         self.births, self.ids, self.where = births, ids, where
         self.losses = births.losses[births.rows(ids)]
         self.scaled = Scale(self.losses)(self.losses)
         self.roles: dict[int, tuple[list[str], str]] = {}
+        self.alike: dict[int, dict[int, list[int]]] = {}
         self._aims = {aim.name: aim for aim in births.aims}
 
     def differ(self, column: int) -> bool:
@@ -231,6 +254,9 @@ class _Choice:
             values = ", ".join(self._best_value(row, goals.index(goal)) for goal in best)
             sentences.append(f"None of the {len(self.ids)} {self.where} is better by {values}.")
         sentences += [why] if why else []
+        for other, columns in self.alike.get(row, {}).items():
+            values = ", ".join(self._best_value(other, column) for column in columns)
+            sentences.append(f"Birth {self.ids[other]} looks like it, and is the best by {values}.")
         if one.operator == "source":
             parent = self.births.run.header.cities[one.id]
             sentences.append(f"It is the code of the parent {parent}, not a child.")

@@ -606,8 +606,9 @@ def test_chosen_births_become_a_contact_sheet(run, tmp_path, monkeypatch):
     kept = run.keep(3)
     run.save(kept, tmp_path / "sheet.png")
     run.save(kept[0], tmp_path / "one.png")
-    cells, title, highest, attribution, columns = drawn[0]
-    assert (title, attribution, columns) == (run.path.name, run.header.attribution, len(kept))
+    cells, title, highest, attribution, columns, note = drawn[0]
+    assert (title, attribution, note) == (run.path.name, run.header.attribution, "")
+    assert columns == len(kept)
     assert highest == highest_of(run.columns)
     for (city, lines), one in zip(cells, kept, strict=True):
         assert np.array_equal(city.heights, one.individual.city.heights)

@@ -96,6 +96,23 @@ def test_no_near_duplicate_fills_up_the_births_to_keep(tmp_path):
     assert len(kinds) == len({0, 1} - set(best))
 
 
+def test_the_best_by_a_goal_that_looks_like_another_gives_its_place_to_another_look(tmp_path):
+    names = ("gsi", "fsi", "mean_height")
+    goals = [{"name": name, "goal": "max"} for name in names]
+    how = {"measures": names, "names": "ABCD", "generations": 20, "population": 8}
+    run = evocity.open_run(make_run(tmp_path / "run", provenance={"fitness": goals}, **how))
+    kept, every = run.keep(4), run.keep(50)  # births of equal slots, modulo 4, look alike
+    assert {one.individual.id % 4 for one in kept} == {0, 1, 2, 3}
+    roles = {role for one in every for role in one.role.split(", ") if role.startswith("best")}
+    left = roles - {role for one in kept for role in one.role.split(", ")}
+    assert left
+    for role in left:
+        (best,) = [one.individual for one in every if role in one.role]
+        (like,) = [one for one in kept if one.individual.id % 4 == best.id % 4]
+        assert f"Birth {best.id} looks like it, and is the best by " in like.why
+        assert f"{role.split()[1]} ({best.scores[role.split()[1]]:.4g}" in like.why
+
+
 def test_aims_have_the_range_of_the_archive_and_the_values_of_the_parents(told):
     run = evocity.open_run(told)
     gsi = [row["fitness.gsi"] for row in run.archive.births.to_pylist()]
