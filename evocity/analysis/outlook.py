@@ -101,12 +101,12 @@ def _describe_guard(
         return ""
     broken = {name: int(np.count_nonzero(births & ~kept)) for name, kept in within.items()}
     name = max(broken, key=broken.__getitem__)
-    each = f"{what}: each" if what else "Each"
-    most = "All" if broken[name] == count else str(broken[name])
+    who = f"each of {count} births {where}" if count > 1 else f"the only birth {where}"
+    text = f"{what}: {who}".rstrip() if what else f"{who[0].upper()}{who[1:]}".rstrip()
+    most = "All of them break" if broken[name] == count else f"{broken[name]} of them break"
     return (
-        f"{each} of {count} births {where}".rstrip() + " breaks a bound. "
-        f"{most} of them break the bound of {name.replace('_', ' ')}. "
-        "A wider bound there would help, or another parent."
+        f"{text} breaks a bound. {most if count > 1 else 'It breaks'} the bound of "
+        f"{name.replace('_', ' ')}. A wider bound there would help, or another parent."
     )
 
 

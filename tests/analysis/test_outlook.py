@@ -60,6 +60,11 @@ def births(*values, first=1):
             [{"gsi": 0.3, "crumbs": 9.0}] * 4 + [{"gsi": 0.6, "crumbs": 1.0}] * 4,
             "gsi 0.3: each of 4 births near it breaks a bound. All of them break the bound of",
         ),
+        (  # a single birth near the target
+            ({"name": "gsi", "target": 0.3}, {"name": "crumbs", "max": 5}),
+            [{"gsi": 0.3, "crumbs": 9.0}] + [{"gsi": 0.6, "crumbs": 1.0}] * 7,
+            "gsi 0.3: the only birth near it breaks a bound. It breaks the bound of crumbs.",
+        ),
         (  # bounds that only exclude each other
             ({"name": "gsi", "max": 0.4}, {"name": "crumbs", "max": 5}),
             [{"gsi": 0.3, "crumbs": 9.0}] * 4 + [{"gsi": 0.6, "crumbs": 1.0}] * 4,
