@@ -76,7 +76,7 @@ export class Desk {
     this.length = field(long, "length", "number", "", { min: 1, required: "" });
     this.unit = choice(long, "", ["generations", "minutes"], () => this.limit(), { "aria-label": "generations or minutes" });
     this.seed = field(long, "seed", "number", "", { min: 0, max: 9007199254740991, step: 1, required: "" });
-    this.name = field(long, "name of the run", "text", "", { maxlength: 100, spellcheck: "false", ...NAME });
+    this.name = field(long, "name of the run", "text", "", { maxlength: 100, size: 32, spellcheck: "false", ...NAME });
     this.fields.addEventListener("change", () => this.change());
 
     element(parent, "h3", "", "4. The recipe");
