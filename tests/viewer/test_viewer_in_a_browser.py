@@ -447,8 +447,8 @@ def test_nothing_is_cut_or_lies_over_another(opened, width, axes):
 def test_the_head_of_an_axis_breaks_no_word_and_cuts_no_sign(opened, width):
     plain = births()
     names = ["autosimilarity", "gsi", "salingaros_buildings", "repetition", "fabric_distance"]
-    names += ["alignment", "a_word_as_long_as_" + "x" * 60]
-    signs = ["↑", "≥0.179 ≤0.668", "↓", "→0.7285", "", "≤1", "≥0"]
+    names += ["alignment", "small_buildings_per_hectare", "a_word_as_long_as_" + "x" * 60]
+    signs = ["↑", "≥0.179 ≤0.668", "↓", "→0.7285", "", "≤1", "≤0.694", "≥0"]
     columns = [
         Column(one, plain.columns[k % 4].values, sign=signs[k]) for k, one in enumerate(names)
     ]
@@ -466,6 +466,9 @@ def test_the_head_of_an_axis_breaks_no_word_and_cuts_no_sign(opened, width):
     cut = """() => [...document.querySelectorAll(".evocity-sign")]
       .filter((one) => one.scrollWidth > one.clientWidth).map((one) => one.textContent)"""
     assert page.evaluate(cut) == []
+    lines = """() => [...document.querySelectorAll(".evocity-name")]
+      .filter((one) => one.scrollHeight > one.clientHeight).map((one) => one.textContent)"""
+    assert [one[-3:] for one in page.evaluate(lines)] == ["xxx"]  # names of three lines
     middles = page.evaluate(
         """() => [...document.querySelectorAll(".evocity-head")].map((one) =>
           parseFloat(one.style.left) + parseFloat(one.style.width) / 2)"""

@@ -12,11 +12,13 @@ function textOf(column) { return column.name.replaceAll("_", " ") + (column.unit
 
 function signOf(column, turned) { return `${column.sign}${turned ? " ⇵" : ""}`.trim(); }
 
-/** The least width of an axis, px: its head breaks no word and cuts no sign, unless they are very long. */
+/** The least width of an axis, px: its head has a name of two lines and a sign, both whole unless they are very long. */
 function neededWidth(column, turned) {
   ruler.font = `12px ${FONT}`;
-  const parts = [...textOf(column).split(" "), signOf(column, turned)];
-  const longest = Math.max(...parts.map((one) => ruler.measureText(one).width));
+  const wide = (...texts) => Math.max(...texts.map((one) => ruler.measureText(one).width));
+  const words = textOf(column).split(" ");
+  const ofName = Math.min(...words.map((_, k) => wide(words.slice(0, k + 1).join(" "), words.slice(k + 1).join(" "))));
+  const longest = Math.max(ofName, wide(signOf(column, turned)));
   return Math.min(WIDEST, Math.max(NARROWEST, Math.ceil(longest) + 11));
 }
 
