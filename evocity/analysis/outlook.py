@@ -115,7 +115,7 @@ def _name(aim: Aim) -> str:
 
 
 def _goal(aim: Aim) -> str:
-    return aim.bounds if aim.target is None else _format(aim, aim.target)
+    return f"({aim.bounds})" if aim.target is None else _format(aim, aim.target)
 
 
 def _format(aim: Aim, value: float) -> str:

@@ -38,7 +38,7 @@ def test_a_run_states_the_target_and_the_bound_that_no_birth_reaches(tmp_path):
     assert bred_values.max() < high
     found = outlook(run)
     above, below = found["unreachable"]
-    assert above.startswith(f"gsi at least 0.9 was never above {bred_values.max():.3g}.") or (
+    assert above.startswith(f"gsi (at least 0.9) was never above {bred_values.max():.3g}.") or (
         above.startswith(f"gsi 0.05 was never above {bred_values.max():.3g}.")
     )
     assert f"No parent has more than {own.max():.3g}." in above
@@ -83,7 +83,7 @@ def births(*values, first=1):
         (  # a parent that keeps the bound
             ({"name": "gsi", "max": 0.4}, {"name": "crumbs", "goal": "min"}),
             [{"gsi": 0.6, "crumbs": 9.0}] * 4,
-            "gsi at most 0.4 was never below 0.6. A parent has 0.2. More generations would help, "
+            "gsi (at most 0.4) was never below 0.6. A parent has 0.2. More generations would help, "
             "or wider bounds.",
         ),
     ],
