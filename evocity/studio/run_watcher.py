@@ -18,6 +18,7 @@ from evocity.errors import EvocityError, RunError
 from evocity.store.events import EVENTS
 from evocity.store.lock import is_held
 from evocity.store.run_directory import RunDirectory
+from evocity.studio.request_fields import fault_of
 from evocity.studio.tiles import Tiles
 from evocity.viewer.sheet import Sheet
 
@@ -100,7 +101,7 @@ class RunWatcher:
 
     def news(self) -> dict:
         """Return the last complete ``generation``, -1 before the first; the fingerprint of the
-        ``run``; whether it is ``going``; the ``problem`` with the folder in words, or None."""
+        ``run``; whether it is ``going``; the ``problem`` of the folder in three parts, or None."""
         with self.reading:
             if time.monotonic() >= self._until:
                 try:
@@ -111,7 +112,7 @@ class RunWatcher:
                         "run": "" if moment is None else moment.fingerprint,
                         "generation": -1 if moment is None else moment.generation,
                         "going": False,
-                        "problem": str(error),
+                        "problem": fault_of(error),
                     }
                 self._until = time.monotonic() + FRESH
             return self._news

@@ -261,8 +261,9 @@ def test_what_happens_to_the_folder_is_told_and_what_was_seen_stays(tmp_path, un
         told = client.get("/api/0/changes?after=0").json["problem"]
         if deed is damaged:  # what was read already is not read again; what was not is told
             assert told is None
-            told = str(client.get("/api/0/one?id=3").json["error"])
-        assert str(folder) in told
+            told = client.get("/api/0/one?id=3").json["error"]
+        assert list(told) == ["found", "expected", "remedy"]
+        assert str(folder) in told["found"]
         assert client.get("/api/0/births").framed[0] == about
         assert client.get("/api/0/picture?id=3&kind=map").status in (200, 409)
         shutil.rmtree(folder, ignore_errors=True)

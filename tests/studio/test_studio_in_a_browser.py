@@ -982,7 +982,7 @@ def test_a_run_that_is_gone_is_told(opened, folder):
         shutil.rmtree(folder)
         time.sleep(0.55)
         look(page)
-        until(page, "studio.trouble.textContent.includes('what to do')")
+        until(page, "studio.trouble.textContent.includes('; what to do: ')")
         assert len(shown_ids(page)) > 5
 
 

@@ -8,7 +8,7 @@ import { RunControl } from "./control.js";
 import { attempt } from "./controls.js";
 import { BirthPane } from "./birth.js";
 import { Picks } from "./picks.js";
-import { serverOfRun } from "./server.js";
+import { Fault, serverOfRun } from "./server.js";
 import { Tabs } from "./tabs.js";
 
 /** Milliseconds between two looks for news: on a visible page, and on a hidden one. */
@@ -98,7 +98,7 @@ export class Run {
       this.isGoing = news.going;
       if ((news.more || isOther) && !news.problem && !(this.about && this.on.isHeld())) await this.renew();
       this.inform(news);
-      this.on.report(news.problem, "news");
+      this.on.report(news.problem && new Fault(news.problem), "news");
     } catch (error) {
       if (!this.isClosed) this.on.report(error, "news");
     }
