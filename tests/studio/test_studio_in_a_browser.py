@@ -511,7 +511,9 @@ def test_on_fine_screens_small_pictures_come_first_where_the_log_has_them(
 
 
 @pytest.mark.long
-def test_eight_tabs_follow_a_run_that_is_bred_as_without_them(opened, tmp_path):
+def test_eight_tabs_follow_a_run_that_is_bred_as_without_them(opened, tmp_path, monkeypatch):
+    # a page settles the births of a run that has ended, five seconds after its last look
+    monkeypatch.setattr(run_watcher, "is_held", lambda path: True)
     recipe = evocity.read_recipe(write_toy(tmp_path, population=2, generations=GENERATIONS))
     alone = Search(recipe, tmp_path / "alone", workers=0)
     with alone, Search(recipe, tmp_path / "night", workers=0) as search:
