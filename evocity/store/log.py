@@ -1,5 +1,6 @@
 """Births and membership of a run, over all its files; a merge may replace files meanwhile."""
 
+import os
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -38,6 +39,10 @@ class LastGeneration:
         self._folder = folder
         self._known: dict[tuple, bool] = {}
 
+    def take_over(self, earlier: "LastGeneration") -> None:
+        """Take over the checks of an ``earlier`` look at the same run."""
+        self._known = earlier._known
+
     @property
     def written(self) -> int:
         """The last generation without a gap before it, damaged or not; -1 if there is none."""
@@ -65,6 +70,8 @@ class LastGeneration:
         one are damage too."""
         kinds = self._pieces()
         pieces = [piece for kind in kinds for piece in kind]
+        folders = {piece.path.parent for piece in pieces}
+        states = {folder: self._folder.directory.states(folder) for folder in folders}
         end = last = min(map(last_whole, kinds))
         checked: Sequence[Piece] = pieces
         while True:
@@ -73,7 +80,9 @@ class LastGeneration:
             broken = [
                 one.first
                 for one, depth in depths.items()
-                if not self._is_sound(one, _WHOLE_FILE if thorough else depth)
+                if not self._is_sound(
+                    one, _WHOLE_FILE if thorough else depth, states[one.path.parent]
+                )
             ]
             lower = min([one - 1 for one in broken if one <= last], default=last)
             if lower == last:
@@ -94,9 +103,11 @@ class LastGeneration:
                 return None if label is None else label.chain
         return None
 
-    def _is_sound(self, piece: Piece, depth: int) -> bool:
+    def _is_sound(self, piece: Piece, depth: int, states: Mapping[str, os.stat_result]) -> bool:
+        about = states.get(piece.path.name)
+        if about is None:  # merged in this moment
+            return True
         try:
-            about = self._folder.directory.stat(piece.path)
             key = (piece.path, about.st_size, about.st_mtime_ns, depth)
             if key not in self._known:
                 self._known[key] = _reads(self._folder.directory, piece, depth)
@@ -200,6 +211,10 @@ class LogFiles:
         self._folder, self._path = folder, folder.root
         self._population, self._provenance = header.population, provenance
         self._ending, self._tables = LastGeneration(folder), Tables(folder.directory, header)
+
+    def take_over(self, earlier: "LogFiles") -> None:
+        """Take over which files an ``earlier`` look at the same run has checked."""
+        self._ending.take_over(earlier._ending)
 
     @property
     def columns(self) -> list[str]:

@@ -87,6 +87,18 @@ class RunDirectory:
         with self._place(part) as (name, handle):
             return os.stat(name, dir_fd=handle, follow_symlinks=False)
 
+    def states(self, part: str | PurePath) -> dict[str, os.stat_result]:
+        """Return the states of all that is in a plain folder, by name; links are not followed."""
+        states = {}
+        with (
+            self._folder(part) as handle,
+            os.scandir(self._path(part) if handle is None else handle) as entries,
+        ):
+            for entry in entries:
+                with contextlib.suppress(FileNotFoundError):  # replaced in this moment
+                    states[entry.name] = entry.stat(follow_symlinks=False)
+        return states
+
     def open(self, part: str | PurePath) -> BinaryIO:
         """Open a plain file to read."""
         with self._place(part) as (name, handle):

@@ -95,6 +95,12 @@ class RunLog:
         with readable(self._folder.locked):
             return read_condensation(self._directory, self.header.locked)
 
+    def take_over_checks(self, earlier: "RunLog") -> None:
+        """Take over which files of the log an ``earlier`` object of this run has checked, so that a
+        program which looks often does not read them each time. Changed files are checked."""
+        if earlier.header == self.header:
+            self._log.take_over(earlier._log)
+
     @property
     def written(self) -> range:
         """Numbers of the written generations, damaged ones too: 0…g."""

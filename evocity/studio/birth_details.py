@@ -47,7 +47,7 @@ def describe_birth(moment: Moment, identifier: int) -> dict:
     parts."""
     births = moment.run.columns
     individual = Individual(births, identifier)
-    birth = individual.run.individuals([individual.id], rebred=False)[0]
+    birth = individual.birth
     (row,) = births.rows([individual.id])
     measures = [
         {

@@ -87,6 +87,8 @@ class RunWatcher:
 
     def _look(self) -> dict:
         run = open_run(self.path)
+        if self._moment is not None:
+            run.take_over_checks(self._moment.run)
         going = is_held(run.path / "lock")
         fingerprint, last = _fingerprint(run), run.generations[-1] if run.generations else -1
         before = self._moment

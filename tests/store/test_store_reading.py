@@ -4,6 +4,7 @@ import errno
 import os
 from collections import Counter
 from pathlib import Path
+from unittest.mock import patch
 
 import naive
 import numpy as np
@@ -14,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_store_behind import short  # noqa: F401
 from test_store_log import generation_of, writer  # noqa: F401
+from written_runs import written
 
 from evocity.search import archive
 from evocity.search.record.aims import (
@@ -22,6 +24,7 @@ from evocity.search.record.aims import (
     split_generations,
 )
 from evocity.store import RunLog, checksums
+from evocity.store.run_directory import RunDirectory
 from evocity.store.run_log import ancestry
 
 
@@ -181,3 +184,28 @@ def test_a_deep_pedigree_is_followed_to_its_end():
     ids = list(range(3000))
     marked = ancestry(table_of(ids, [[max(0, one - 1)] for one in ids]), 2999)
     assert marked.all()
+
+
+def test_another_look_takes_over_the_checks_of_unchanged_files(tmp_path):
+    births = [[{"id": 2 * g}, {"id": 2 * g + 1}] for g in range(3)]
+    earlier = written(tmp_path / "run", births)
+    assert list(earlier.generations) == [0, 1, 2]
+
+    opened = []
+    plain = RunDirectory.open
+
+    def noting(self, part):
+        opened.append(Path(part))
+        return plain(self, part)
+
+    later = RunLog(tmp_path / "run")
+    later.take_over_checks(earlier)
+    with patch.object(RunDirectory, "open", noting):
+        assert list(later.generations) == [0, 1, 2]
+    assert opened == []
+
+    last = max((tmp_path / "run").glob("births/*"))
+    last.write_bytes(last.read_bytes()[:-9])
+    changed = RunLog(tmp_path / "run")
+    changed.take_over_checks(later)
+    assert list(changed.generations) == [0, 1]
