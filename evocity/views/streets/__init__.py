@@ -6,6 +6,7 @@
 - `kinds`: a table of kinds of streets, and of the limits of a place: `StreetKinds`
 - `facades`: widths between façades across a street, at several places of each edge
 - `ribbons`: surfaces of streets, from discs that move along the edges
+- `links`: which crossings reach the frame of the map, by a kernel
 - `graph`: the street graph of a map: `street_graph`, `StreetGraph`
 """
 
