@@ -78,6 +78,7 @@ def test_the_commands_are_these():
         "curve transfer",
         "curve amplify",
         "surface fit",
+        "surface make",
         "surface detail",
         "surface transfer",
         "surface amplify",

@@ -43,7 +43,7 @@ def test_decoded_files_lie_in_the_system(genome, tmp_path):
         else:
             found = geopandas.read_file(path, layer="buildings")
             assert found.crs == CRS("EPSG:2154")
-            assert list(found.columns) == ["id", "height", "area", "class", "geometry"]
+            assert list(found.columns) == ["id", "height", "area", "source", "class", "geometry"]
 
 
 def test_a_scene_says_where_it_lies(genome, tmp_path):
