@@ -73,6 +73,20 @@ def test_a_neck_below_the_grid_is_widened():
     assert widen_necks(plain, 0.01) is plain
 
 
+def test_a_spike_below_the_grid_goes():
+    # a spike of 3.4 m, at most 3 cm wide, of a building in Lyon
+    spike = [(12.41, 10.12), (0.101, 10.284), (0.497, 4.248), (0.792, 0.138), (0.808, 0.163)]
+    spike = shapely.Polygon([*spike, (0.55, 3.528), (11.915, 4.179)])
+    (whole,) = widen_necks(np.array([spike], dtype=object), 0.01)
+    assert shapely.get_type_id(shapely.set_precision(whole, 0.01)) == 3
+    assert shapely.bounds(whole)[1] > 3
+    assert shapely.area(shapely.symmetric_difference(whole, spike)) < 0.12
+    # two halves on a neck are no spike
+    halves = shapely.Polygon([(0, 0), (0, 9), (4.001, 4.5), (8, 9), (8, 0), (3.999, 4.5)])
+    (whole,) = widen_necks(np.array([halves], dtype=object), 0.01)
+    assert whole.area >= halves.area
+
+
 @pytest.mark.parametrize("name", ["lyon-1er", "montpellier-pas-du-loup"])
 def test_real_towns_are_one_coverage(name):
     city = read_map(name)

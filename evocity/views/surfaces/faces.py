@@ -7,6 +7,9 @@ import shapely
 
 from evocity.views.walls.coverage import find_pinched
 
+#: Most of a building's area that `widen_necks` removes, as a share.
+_SLIVER = 0.01
+
 
 @dataclass(frozen=True, eq=False)
 class Faces:
@@ -40,7 +43,8 @@ def cut_into_faces(areas: np.ndarray, grid: float) -> Faces:
 
 def widen_necks(buildings: np.ndarray, grid: float) -> np.ndarray:
     """Widen the necks of buildings that would touch themselves on a ``grid``, metres, by squares
-    of six steps. Neighbours give way."""
+    of six steps. Neighbours give way. Where squares do not suffice, as on a long spike, the
+    building loses the parts that the grid cuts off, at most a hundredth of its area."""
     if not len(buildings):
         return buildings
     snapped = shapely.set_precision(buildings, grid)
@@ -64,8 +68,18 @@ def widen_necks(buildings: np.ndarray, grid: float) -> np.ndarray:
         near = near[near != k]
         cut = shapely.difference(buildings[near], shapely.union_all(squares))
         if (shapely.get_type_id(cut) == 3).all():
-            buildings[near], buildings[k] = cut, whole
+            buildings[near], buildings[k] = cut, _without_slivers(whole, grid)
     return buildings
+
+
+def _without_slivers(building: shapely.Polygon, grid: float) -> shapely.Polygon:
+    """Remove the small parts of a ``building`` that hang on necks without width on a ``grid``."""
+    snapped = shapely.set_precision(building, grid)
+    if shapely.get_type_id(snapped) == 3:
+        return building
+    parts = shapely.get_parts(snapped)
+    largest = parts[np.argmax(shapely.area(parts))]
+    return largest if largest.area >= (1 - _SLIVER) * building.area else building
 
 
 def _neighbours(polygons: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -132,13 +132,13 @@ def _drop_near(
 
 def find_pinched(polygons: np.ndarray, least: float = 1e-6) -> np.ndarray:
     """Select the polygons that pass a point twice, or come nearer than ``least`` to it: bool
-    ``(n,)``. As solids they would have an edge of four walls."""
+    ``(n,)``. As solids they would have an edge of four walls. Other geometries are not selected."""
     import shapely
 
     plain = shapely.remove_repeated_points(polygons)
     rings, owner = shapely.get_rings(plain, return_index=True)
     points, ring = shapely.get_coordinates(rings, return_index=True)
-    last = np.r_[ring[1:] != ring[:-1], True]
+    last = np.r_[ring[1:] != ring[:-1], np.ones(min(len(ring), 1), bool)]
     points, owner = points[~last], owner[ring[~last]]
     order = np.lexsort((points[:, 1], points[:, 0], owner))
     points, owner = points[order], owner[order]
