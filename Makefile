@@ -28,8 +28,8 @@ test: .venv/installed-dev .venv/installed-node  ## formatter, linter and the tes
 	$(BIN)/python tests/compiled.py
 	$(PYTEST)
 
-test-slow: .venv/installed-dev .venv/installed-node  ## the tests that take some seconds each
-	$(PYTEST) -m 'slow and not long and not clients'
+test-slow: .venv/installed-dev .venv/installed-node  ## the tests that take some seconds each; IN=tests/faults for some
+	$(PYTEST) -m 'slow and not long and not clients' $(IN)
 
 test-long: .venv/installed-dev  ## tests of more than ten seconds, and properties on new examples
 	HYPOTHESIS_PROFILE=explore $(BIN)/pytest -m 'long or hypothesis'

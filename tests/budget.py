@@ -126,7 +126,7 @@ def pytest_runtest_call(item):
             pytest.fail(
                 f"the case took {spent:.1f} s of processor, its child processes included; "
                 f"{MOST * pace:.1f} s are the most for a case without a mark. Make it cheaper, or "
-                "mark it `slow`: `make test` leaves it out, and `.ci/run` runs it.",
+                "mark it `slow`: `make test` leaves it out.",
                 pytrace=False,
             )
     return result
