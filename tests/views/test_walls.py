@@ -17,6 +17,7 @@ from evocity.errors import MapError
 from evocity.io import cities
 from evocity.views.walls import coverage, walls_of
 from evocity.views.walls.arcs import trace_arcs
+from evocity.views.walls.coverage import SPIKE, find_spikes
 from evocity.views.walls.fitting import _kernels as _fitting
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
@@ -409,3 +410,14 @@ def test_few_vertices_and_true_areas_and_right_angles(name, vertices):
     squared = _walls.told(np.array(source.city.walled(squared=True).polygons), source)
     original = _walls.told(source.footprints, source)
     assert squared["right"] >= original["right"] - 0.1 > 0.5
+
+
+def test_a_wall_that_turns_back_on_itself_is_at_fault():
+    # a spike of 75 cm, .6 mm wide, of a building in a grown fabric; steps of 1 mm
+    ring = [(7559, 9194), (8519, 2091), (4567, 0), (0, 711), (385, 7905), (8292, 9325)]
+    plain = shapely.Polygon([(0, 0), (900, 0), (900, 900), (450, 450), (0, 900)])
+    for k in range(len(ring)):
+        polygons = np.array([plain, shapely.Polygon(ring[k:] + ring[:k])], dtype=object)
+        assert find_spikes(polygons, SPIKE).tolist() == [False, True]
+    sharp = shapely.Polygon([(0, 0), (750, 0), (0, 3)])
+    assert not find_spikes(np.array([sharp], dtype=object), SPIKE).any()

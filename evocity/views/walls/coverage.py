@@ -18,6 +18,9 @@ GRAIN = 1e-3
 #: Corners of an arc nearer than this to the corner before are left out, steps of the grid:
 #: validators take corners within 5 mm for one. No two corners are exactly this far apart.
 NEAR = 4.9
+#: A wall that turns back to within this of the wall beside it is at fault, steps of the grid:
+#: validators take a corner within 1 mm of a wall for a point of this wall.
+SPIKE = 2.0
 #: Most pixels of a building that must not become a triangle.
 FEW = 4
 #: Levels of an arc: fitted lines, simplified edges of pixels, edges of pixels.
@@ -84,6 +87,7 @@ def build_coverage(
         edges = shapely.coverage_invalid_edges(polygons)
         bad |= ~(shapely.is_empty(edges) | shapely.is_missing(edges))
         bad |= find_pinched(polygons, 1e-6 / grain)
+        bad |= find_spikes(polygons, SPIKE)
         if not bad.any():
             polygons = shapely.remove_repeated_points(polygons)
             placed = shapely.transform(polygons, lambda at: at * grain + south_west)
@@ -148,6 +152,30 @@ def find_pinched(polygons: np.ndarray, least: float = 1e-6) -> np.ndarray:
     holed = np.flatnonzero(shapely.get_num_interior_rings(plain))  # with a corner on a wall
     pinches[holed] |= shapely.minimum_clearance(plain[holed]) < least
     return pinches
+
+
+def find_spikes(polygons: np.ndarray, least: float) -> np.ndarray:
+    """Select the polygons with a corner at which a wall turns back, and ends within ``least`` of
+    the wall before or after: bool ``(n,)``."""
+    import shapely
+
+    rings, owner = shapely.get_rings(polygons, return_index=True)
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    way = points[1:] - points[:-1]
+    whole = (ring[1:] == ring[:-1]) & way.any(axis=1)
+    way, of = way[whole], ring[1:][whole]
+    # the way after each: the last one of a ring comes before the first
+    first = np.r_[True, of[1:] != of[:-1]][: len(of)]
+    after = np.roll(np.arange(len(of)), -1)
+    last = np.roll(first, -1)
+    after[last] = np.flatnonzero(first)
+    onward = way[after]
+    turn = np.abs(way[:, 0] * onward[:, 1] - way[:, 1] * onward[:, 0])
+    longer = np.maximum((way**2).sum(axis=1), (onward**2).sum(axis=1))
+    back = (way * onward).sum(axis=1) < 0
+    spikes = np.zeros(len(polygons), bool)
+    spikes[owner[of[back & (turn**2 < least**2 * longer)]]] = True
+    return spikes
 
 
 def _nodes(arcs: Arcs, lines: Lines) -> np.ndarray:
