@@ -160,7 +160,7 @@ def caption(one: Individual) -> list[str]:
     scores, lines = one.scores, [f"individual {one.id}" + ("" if one.feasible else " ×")]
     for aim in one.births.logged:
         value = scores.get(aim.name, math.nan)
-        mark = "" if aim.within(value) else " ×"
+        mark = "" if aim.within(np.array(value)) else " ×"
         lines.append(f"{aim.name} {value:.4g} {aim.unit}".rstrip() + mark)
     return lines
 
