@@ -74,6 +74,55 @@ def best_match(heights, block, corner, domains, reach, range_block, sigma_max):
     return next(candidate for candidate in every if candidate[0] >= least)
 
 
+_BITS = (1 << 64) - 1
+_ONE, _TWO, _BEYOND = 0x6A09E667F3BCC909, 0xBB67AE8584CAA73B, 0x3C6EF372FE94F82B
+
+
+def _mixed(value, factor):
+    value = (value ^ (value >> 32)) * factor & _BITS
+    value = (value ^ (value >> 29)) * factor & _BITS
+    return value ^ (value >> 32)
+
+
+def hash_blocks(pixels, block, about):
+    """Two hashes of the pixels of each block, uint64 (rows, columns, 2)."""
+    found = np.empty((pixels.shape[0] // block, pixels.shape[1] // block, 2), np.uint64)
+    for i, j, k in np.ndindex(found.shape):
+        factor, shift = ((_ONE, 31), (_TWO, 29))[k]
+        value = factor
+        for number in about:
+            value = _mixed(value ^ int(number), factor)
+        for bits in pixels[i * block : (i + 1) * block, j * block : (j + 1) * block].ravel():
+            value = (value ^ int(bits)) * factor & _BITS
+            value ^= value >> shift
+        found[i, j, k] = _mixed(value, factor)
+    return found
+
+
+def hash_windows(blocks, before, after):
+    """Two hashes of the blocks around each, first along rows, then along columns."""
+    count, found = before + after + 1, np.empty(blocks.shape, np.uint64)
+    for k, (factor, other) in enumerate(((_ONE, _TWO), (_TWO, _ONE))):
+        factors, value = [], factor
+        for n in range(2 * count):
+            value = _mixed((value + n) & _BITS, other)
+            factors.append(value | 1)
+
+        def summed(line, place, factors, factor=factor):
+            total = 0
+            for n, weight in enumerate(factors):
+                at = place - before + n
+                total += weight * (int(line[at]) if 0 <= at < len(line) else _BEYOND)
+            return _mixed(total & _BITS, factor)
+
+        lines = [
+            [summed(row, j, factors[:count]) for j in range(len(row))] for row in blocks[..., k]
+        ]
+        for i, j in np.ndindex(blocks.shape[:2]):
+            found[i, j, k] = summed([row[j] for row in lines], i, factors[count:])
+    return found
+
+
 def best_correlations(heights, block=4, domains=(2,), reach=12, flat=0.1):
     """ρ² of every range block of the pavement with its best domain, and which are uniform."""
     rows, columns = heights.shape[0] // block, heights.shape[1] // block

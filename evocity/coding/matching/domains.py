@@ -85,10 +85,7 @@ def domain_pools(
     from evocity.coding.matching._kernels import LANES
 
     height, width = heights.shape
-    highest = float(heights.max(initial=0))
-    # a block whose heights span `flat` has at least flat²/2 of energy
-    noise = (_NOISE if exact else _COARSE) * highest
-    least = np.float32(max(flat**2 / 2, (block * noise) ** 2))
+    least = least_energy(heights, block, flat, exact)
     for multiple in sorted(domains):
         rows, columns = height - multiple * block + 1, width - multiple * block + 1
         if min(rows, columns) < 1:
@@ -98,3 +95,10 @@ def domain_pools(
         step = max(1, memory // (4 * block**2 * (columns + LANES)))
         for top in range(0, rows, step):
             yield DomainPool(multiple, block, shrunk, top, min(step, rows - top), least, exact)
+
+
+def least_energy(heights: np.ndarray, block: int, flat: float, exact: bool) -> np.float32:
+    """Compute the energy up to which domain blocks count as flat, m², see `domain_pools`."""
+    noise = (_NOISE if exact else _COARSE) * float(heights.max(initial=0))
+    # a block whose heights span `flat` has at least flat²/2 of energy
+    return np.float32(max(flat**2 / 2, (block * noise) ** 2))

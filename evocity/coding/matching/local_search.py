@@ -6,7 +6,8 @@ from functools import reduce
 import numpy as np
 
 from evocity.coding.matching.d4 import d4_codes
-from evocity.coding.matching.domains import UNCAPPED, DomainPool, domain_pools
+from evocity.coding.matching.domains import UNCAPPED, DomainPool, domain_pools, least_energy
+from evocity.coding.matching.known_windows import KnownWindows, window_keys
 from evocity.coding.matching.matches import Search, list_places
 from evocity.coding.parameters import Coding
 
@@ -16,6 +17,8 @@ _GAINS = 1 << 19
 _BAND = 16
 #: The most bands of a window.
 _MOST_STRIPS = 32
+#: What `best_correlations` has found in this process.
+_KNOWN = KnownWindows()
 
 
 def chunk_size(reach: int) -> int:
@@ -94,12 +97,32 @@ def best_correlations(
     # where more is found, rounding counts it as all
     enough = np.einsum("nk,nk->n", codes, codes)
     *_, most_gains = window_kernels(block)
+    rho2, new = np.zeros(rows * columns, np.float32), np.arange(busy.size)
+    keys = _keys(heights, block, domains, reach, flat)
+    if keys is not None:
+        rho2[busy], known = _KNOWN.look_up(keys[busy])
+        (new,) = np.nonzero(~known)
+        if not new.size:
+            return rho2, uniform
+    codes, enough, gain = codes[new], enough[new], gain[new]
+    corners = tuple(corner[new] for corner in corners)
     for pool in domain_pools(heights, block, domains, flat, exact=False):
         window = _windows(pool.top, *pool.shape, corners, reach)
         most_gains(*pool.folded, codes, window, UNCAPPED, enough, gain)
-    rho2 = np.zeros(rows * columns, np.float32)
-    rho2[busy] = np.clip(gain / enough, 0, 1)
+    found = np.clip(gain / enough, 0, 1)
+    rho2[busy[new]] = found
+    if keys is not None:
+        _KNOWN.keep(keys[busy[new]], found)
     return rho2, uniform
+
+
+def _keys(heights: np.ndarray, block: int, domains, reach: int | None, flat: float):
+    """Hash what decides on the correlation of each range block; None if that may be all of the
+    map, or pixels outside the blocks."""
+    if reach is None or any(side % block for side in heights.shape) or heights.dtype != np.float32:
+        return None
+    least = least_energy(heights, block, flat, exact=False)
+    return window_keys(heights, block, tuple(sorted(domains)), reach, float(least), float(flat))
 
 
 def _extremes(cut: np.ndarray, extreme: np.ufunc) -> np.ndarray:
