@@ -30,7 +30,9 @@ _WORDS = ("operator", "status", "island")
 # A short list of whole numbers.
 _FEW = "parents"
 # Lists of whole numbers, the next mostly a little above the one before; and of distinct numbers.
-_STEPS, _DISTINCT = "source", "sigma"
+_STEPS, _DISTINCT = "source", ("sigma", "beta")
+# Values that are encoded in one go; Arrow's own number is 1 024.
+_BATCH = 1 << 16
 # Files without a seal that a child process has read, and their most.
 _tried: set[tuple[int, ...]] = set()
 _MOST_TRIED = 1 << 16
@@ -42,14 +44,14 @@ def packing_of(schema: pa.Schema) -> dict:
     Lists, bytes and texts are compressed. Columns of one number or word per row are too small for
     that, and have statistics, by which rows are searched. Whole numbers are written as differences,
     and so are places in a source city, which mostly follow one another. Other numbers are mostly
-    distinct, so they have no dictionary, and neither has σ. Raises TypeError for a struct.
+    distinct, so they have no dictionary, and neither have σ and β. Raises TypeError for a struct.
     """
     leaves = {one.name: _leaf(one) for one in schema}
     single = {one.name for one in schema if one.name in _WORDS or pa.types.is_primitive(one.type)}
     whole = {one.name for one in schema if _is_whole(one)}
     packed = [leaf for name, leaf in leaves.items() if name not in single | whole]
     steps = {leaves[one.name] for one in schema if _is_steps(one)}
-    plain = {leaf for leaf in packed if leaf.startswith(f"{_DISTINCT}.")}
+    plain = {leaves[name] for name in _DISTINCT if name in leaves}
     return {
         "compression": dict.fromkeys(leaves.values(), "none") | dict.fromkeys(packed, "zstd"),
         "compression_level": dict.fromkeys(packed, 3),
@@ -61,6 +63,7 @@ def packing_of(schema: pa.Schema) -> dict:
         "column_encoding": dict.fromkeys(
             [*(leaves[name] for name in whole), *steps], "DELTA_BINARY_PACKED"
         ),
+        "write_batch_size": _BATCH,
         "write_page_checksum": True,
     }
 
