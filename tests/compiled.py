@@ -69,11 +69,7 @@ def main() -> None:
     if note.is_file():
         return
     compile_once(4, kernel_warmup.every_part(), print)
-    compile_once(
-        USUAL,
-        [kernel_warmup.SEARCH, kernel_warmup.EVERYWHERE, kernel_warmup.DECODE, kernel_warmup.FIT],
-        print,
-    )
+    compile_once(USUAL, kernel_warmup.every_part(), print)
     with tempfile.TemporaryDirectory() as place:
         if carry_out(Path(place)):
             note.touch()

@@ -176,13 +176,19 @@ def test_an_option_out_of_bounds_is_refused(tmp_path, options, says):
 
 @pytest.mark.parametrize(
     ("pixels", "says"),
-    [(410, "--pixels 408 or --block 5"), (41, "give --pixels 40\n"), (6, "--block 3")],
+    [(34, "--pixels 32 or --block 2"), (41, "give --pixels 40\n"), (14, "--block 2")],
 )
 def test_options_that_suit_the_block_are_named(tmp_path, pixels, says):
     words = ("encode", "lyon-1er", *PLAIN, "--pixels", pixels, "-o", tmp_path / "g.parquet")
     message = refused(tmp_path, *words, says=says)
     option, value = message.split("give ")[1].split(" or ")[-1].split()
     call(*words, option, value)  # what is named does
+
+
+@pytest.mark.parametrize(("pixels", "says"), [(410, "--pixels 408 or --block 5"), (6, "--block 3")])
+def test_a_side_of_blocks_that_divides_the_map_is_named(tmp_path, pixels, says):
+    words = ("encode", "lyon-1er", *PLAIN, "--pixels", pixels, "-o", tmp_path / "g.parquet")
+    refused(tmp_path, *words, says=says)
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import rasterio
 from cli_tools import AT_2_M, PLAIN, call, refused, write_recipe, write_town
+from codes import draw_code
 from PIL import Image
 
 import evocity
@@ -230,8 +231,9 @@ def test_what_is_made_whole_has_a_limit(tmp_path, genome_file, suffix):
 
 def test_a_city_that_cannot_grow_is_refused(tmp_path):
     town = write_town(tmp_path / "t.npy", side=48)
-    words = ("grow", town, *AT_2_M, "--block", 24, *SIZE, "-o")
-    refused(tmp_path, *words, tmp_path / "f.parquet", says="encode the maps again")
+    draw_code(0, 2, 2, block=24).write(tmp_path / "coarse.parquet")
+    words = ("grow", tmp_path / "coarse.parquet", *SIZE, "-o", tmp_path / "f.parquet")
+    refused(tmp_path, *words, says="encode the maps again")
     words = ("grow", town, *AT_2_M, *SIZE, "--height", 98, "-o", tmp_path / "f.parquet")
     refused(tmp_path, *words, says="multiples of 4 px")
     refused(tmp_path, "grow", town, *SIZE, "-o", tmp_path / "f.tif", says="--metres-per-pixel")
