@@ -115,7 +115,7 @@ def _left_out(folder: Path) -> None:
 def _commanded(folder: Path) -> None:
     from cli_tools import call, write_recipe
 
-    call("run", write_recipe(folder), "--out", folder / "run")
+    call("run", write_recipe(folder), "--out", folder / "run", report=True)
 
 
 def _kind(kind: str) -> Callable[[Path], None]:

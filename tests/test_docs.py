@@ -246,12 +246,15 @@ def click_command(words: list[str]) -> tuple[click.Command, list[str]]:
     "analysis.md",
     "autosimilarity.md",
     "gallery.md",
+    "maps.md",
     "nights.md",
     "operators.md",
     "pictures.md",
     "plots.md",
     "python.md",
     "run-folder.md",
+    "scenes.md",
+    "shapes.md",
 )
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_python_blocks_run(page, tmp_path, monkeypatch, request):

@@ -45,7 +45,7 @@ def test_its_births_are_those_written(name):
         assert found == told
 
 
-@pytest.mark.slow_cases("run-5")
+@pytest.mark.slow_cases("run-5", "run-6", "run-8", "run-10")
 def test_it_goes_on_as_it_would_have(name, tmp_path):
     shutil.copytree(OLD / name, tmp_path / name)
     shutil.copy(OLD / name / "recipe.toml", tmp_path / f"{name}.toml")

@@ -32,7 +32,7 @@ def line_of(text: str, name: str) -> str:
 def test_a_stop_ends_well_and_says_why_and_how_to_go_on(tmp_path, recipe):
     with_lines(recipe, "[stop]\ntarget = { alignment = 0.0 }\n")
     out = tmp_path / "run"
-    result = call("run", recipe, "--out", out)
+    result = call("run", recipe, "--out", out, report=True)
     assert "report:" in result.stdout
     assert (out / "report.html").is_file()
     (line,) = [one for one in result.stderr.splitlines() if one.startswith("stopped: ")]

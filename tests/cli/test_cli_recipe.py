@@ -341,7 +341,7 @@ def test_centers_are_of_the_map_files(tmp_path, towns):
         (("left.npy", "--band", "gsi", 2, 3), "--band gsi 2 3 bounds nothing"),
         (("left.npy", *("--band", "gsi", 0.1, 0.3) * 2), "is the second band of gsi"),
         (("left.npy", "flat.npy"), "flat: the map (flat.npy) has no buildings"),
-        (("left.npy", "flat.npy"), "the window with --center and --pixels, or"),
+        (("flat.npy",), "the window with --center and --pixels, or"),
         (("left.npy", "--layer", "houses"), "--layer houses"),
         (
             ("left.npy", "right.npy", *("--center", 4.8, 45.7) * 3),

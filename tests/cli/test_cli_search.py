@@ -35,8 +35,8 @@ def rows(folder):
 
 
 def test_a_run_leaves_its_births_and_a_report_and_says_where(tmp_path, recipe):
-    result = call("run", recipe, "--out", tmp_path / "run")
-    assert (tmp_path / "run" / "report.html").is_file()
+    result = call("run", recipe, "--out", tmp_path / "run", report=True)
+    assert (tmp_path / "run" / "report.html").stat().st_size > 50_000
     assert result.stdout.splitlines() == [
         f"run:    {tmp_path / 'run'}",
         f"report: {tmp_path / 'run' / 'report.html'}",
@@ -428,7 +428,7 @@ def test_a_report_that_fails_loses_nothing(tmp_path, recipe, searching, monkeypa
 
     searching(None)
     monkeypatch.setattr("evocity.report.write_report", fails, raising=False)
-    result = call("run", recipe, "--out", tmp_path / "run", code=1)
+    result = call("run", recipe, "--out", tmp_path / "run", code=1, report=True)
     assert "no ink" in result.stderr
     assert f"data are safe in {tmp_path / 'run'}" in result.stderr
     assert f"try again with: evocity report {tmp_path / 'run'}" in result.stderr

@@ -1,6 +1,7 @@
 """`evocity surface`: from a raster of the ground to a surface, and to the ground of another."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -22,14 +23,20 @@ def write_ground(path, seed, crs="EPSG:2154", side=25, holes=0):
         file.write(heights.astype(np.float32), 1)
 
 
-@pytest.fixture
-def files(tmp_path):
-    """Rasters of two grounds, and surfaces of both."""
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("grounds")
     for seed, name in enumerate(("plain", "hills")):
-        write_ground(tmp_path / f"{name}.tif", seed)
-        call("surface", "fit", tmp_path / f"{name}.tif", "--starts", 1, "--drawn", 2,
-             "-o", tmp_path / f"{name}.json")  # fmt: skip
-    return tmp_path
+        write_ground(folder / f"{name}.tif", seed)
+        call("surface", "fit", folder / f"{name}.tif", "--starts", 1, "--drawn", 2,
+             "-o", folder / f"{name}.json")  # fmt: skip
+    return folder
+
+
+@pytest.fixture
+def files(fitted, tmp_path):
+    """Rasters of two grounds, and surfaces of both."""
+    return shutil.copytree(fitted, tmp_path, dirs_exist_ok=True)
 
 
 def test_a_ground_is_fitted_changed_and_written_as_a_raster(files):

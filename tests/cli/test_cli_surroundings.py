@@ -51,7 +51,7 @@ def test_arguments_that_no_file_can_have(tmp_path, words):
 
 
 @linux_only
-@pytest.mark.parametrize("files", [12, 40])
+@pytest.mark.parametrize("files", [pytest.param(12, marks=pytest.mark.slow), 40])
 def test_workers_need_open_files(tmp_path, files):
     recipe = write_recipe(tmp_path)
     command = f"ulimit -n {files}; exec {' '.join(EVOCITY)} run {recipe} --workers 2 --out run"

@@ -140,6 +140,7 @@ def test_original_file(file, options, built, rules, capfd):
 
 
 @with_shared
+@pytest.mark.slow
 def test_every_shared_file_is_read_as_it_is():
     for path in SHARED.iterdir():
         if path.suffix != ".md":

@@ -208,6 +208,7 @@ def test_squares_of_large_maps_begin_on_a_lattice(monkeypatch, most, stride, tur
         assert np.array_equal(index, np.arange(len(grid)))  # its own place is always among them
 
 
+@pytest.mark.slow_cases("4")
 @pytest.mark.parametrize("block", [4, 8])
 def test_a_town_in_the_squares_of_another_is_neither(block):
     # the towns and the share of docs/sheets/asymmetric_fusion.py and of issue T

@@ -138,7 +138,7 @@ def igd(front, found):
     return np.linalg.norm(front[:, None] - found[None], axis=2).min(axis=1).mean()
 
 
-@pytest.mark.parametrize("name", [_LONG, "nsga2"])
+@pytest.mark.parametrize("name", [_LONG, pytest.param("nsga2", marks=pytest.mark.slow)])
 def test_zdt1_is_reached(name):
     first = np.linspace(0, 1, 500)
     front = np.stack([first, 1 - np.sqrt(first)], axis=1)

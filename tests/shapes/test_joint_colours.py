@@ -56,10 +56,11 @@ def test_joint_maps_against_all_words(turned):
     box, side, depth = joint_box(maps), 24, 8
     frame = Frame.of(box[:, :2], side)
     top = np.full((side, side, 3), 255)
-    for word in product(range(3), repeat=depth):  # later words cover earlier ones
-        at = box.mean(axis=0)
-        for letter in reversed(word):
-            at = maps[letter, :, :5] @ at + maps[letter, :, 5]
+    words = np.array(list(product(range(3), repeat=depth)))
+    places = np.tile(box.mean(axis=0), (len(words), 1))
+    for letters in words.T[::-1]:
+        places = np.einsum("nij,nj->ni", maps[letters, :, :5], places) + maps[letters, :, 5]
+    for at in places:  # later words cover earlier ones
         row, column = frame.cells(at[:2])
         top[row, column] = np.round(at[2:] * 255)
     drawn = np.asarray(joint_picture(maps, side)).astype(int)

@@ -391,6 +391,7 @@ def test_real_towns(name):
     assert (np.isnan(graph.width_map) == city.built).all()
 
 
+@pytest.mark.slow
 def test_west_village_is_found():
     _streets = pytest.importorskip("_streets")
     if not _streets.SHARED.is_dir():

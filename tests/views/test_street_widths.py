@@ -113,6 +113,7 @@ def test_a_place_stays_a_place_and_does_not_widen_its_streets(degrees):
 # -- real walls ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow_cases("new-york-west-village")
 @pytest.mark.parametrize("name", ["lyon-1er", "new-york-west-village", "prague-bubenec"])
 def test_widths_are_those_between_walls_of_the_source(name):
     street_widths = pytest.importorskip("_street_widths")
