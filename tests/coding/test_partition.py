@@ -234,6 +234,6 @@ def test_choices_at_fault_are_told(town, how, word):
 def test_maps_that_16_does_not_divide_take_smaller_roots():
     city = draw_town(3, side=72)
     assert encode(city, **RAW).genome.pavement.coarsest == 8
-    assert uniformly(draw_town(3, side=48), block=6).genome.pavement.block == 6
+    assert uniformly(draw_town(3, side=40), block=5).genome.pavement.block == 5
     with pytest.raises(GenomeError, match="an even height"):
         encode(CityMap(np.ones((33, 32)), 2.0))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from codes import uniformly
+from codes import draw_code, uniformly
 from towns import draw_town
 
 from evocity.coding import decode
@@ -152,7 +152,7 @@ def test_genomes_that_do_not_go_together_are_refused(codes):
         grow(codes[:1], rng=RNG(0), share=0.5)
     with pytest.raises(OperatorError, match="share_over = "):
         grow(codes[:2], rng=RNG(0), share_over=(0, 0, 0, 5))
-    coarse = uniformly(draw_town(4, side=96), block=6).genome
+    coarse = draw_code(4, 16, 16, block=6)
     mixed = grow([codes[0], coarse], rng=RNG(0), cell=8)
     mixed.window(200, 0, 8, 8)
     with pytest.raises(OperatorError, match="range blocks of 4 and 6 px"):
