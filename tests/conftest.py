@@ -12,6 +12,7 @@ from budget import pytest_runtest_call, pytest_terminal_summary
 from chromium import started
 from finished_runs import FinishedRuns, of_invocation
 from hypothesis import settings
+from hypothesis.internal.conjecture import providers
 from towns import draw_town
 
 from evocity.citymap import CityMap
@@ -24,6 +25,10 @@ __all__ = ["pytest_runtest_call", "pytest_terminal_summary"]
 settings.register_profile("evocity", deadline=None, derandomize=True, database=None)
 settings.register_profile("explore", deadline=None, print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "evocity"))
+# Hypothesis also draws constants of the modules loaded so far, which it must read for that: the
+# tests before would decide the examples of the next.
+if "HYPOTHESIS_PROFILE" not in os.environ and hasattr(providers, "_get_local_constants"):
+    providers._get_local_constants = lambda: providers._local_constants  # none, ever
 
 # Tests make few cycles, and looking for them among all that a process has loaded takes a while.
 gc.set_threshold(50_000, 20, 100)

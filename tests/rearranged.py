@@ -24,6 +24,10 @@ def district(name: str, pixels: int = 128) -> Genome:
     return uniformly(evocity.read_map(name, pixels=pixels)).genome
 
 
+#: The names of `odd_maps`.
+ODD = ("camera", "empty", "one roof", "narrow")
+
+
 @cache
 def odd_maps() -> dict[str, Genome]:
     """Parents on which nothing can be wished for: no city, nothing built, nothing else."""

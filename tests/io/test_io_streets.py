@@ -103,6 +103,7 @@ def test_networkx_reads_the_graph(file, town):
     assert degrees == nodes["degree"].tolist()
 
 
+@pytest.mark.slow
 def test_momepy_measures_the_graph(file, town):
     edges = layer(file, "street_edges")
     graph = momepy.gdf_to_nx(edges, approach="primal", length="length")

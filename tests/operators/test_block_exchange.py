@@ -9,6 +9,7 @@ from codes import stones, uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rearranged import (
+    ODD,
     assert_genes_stay_as_they_are,
     assert_laws,
     assert_meant,
@@ -89,7 +90,7 @@ def test_what_is_not_admissible_is_not_exchanged():
         assert child.made["exchanged"] == 0
 
 
-@pytest.mark.parametrize("name", list(odd_maps()))
+@pytest.mark.parametrize("name", ODD)
 @pytest.mark.parametrize("sizes", [(1, 1), (2, 8), (9, 99)])
 def test_ends_well_on_any_map(name, sizes):
     operator = BlockExchange(size_min=sizes[0], size_max=sizes[1])

@@ -5,7 +5,7 @@ import pytest
 from codes import stones
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rearranged import assert_genes_stay_as_they_are, assert_laws, assert_meant, odd_maps, town
+from rearranged import ODD, assert_genes_stay_as_they_are, assert_laws, assert_meant, odd_maps, town
 
 from evocity.errors import OperatorError
 from evocity.operators.rearrangements import GeneExchange
@@ -53,7 +53,7 @@ def test_admissible_partners_alone_are_taken():
     assert GeneExchange(rate=1, change=1000.0)([parent], rng(0)) == parent
 
 
-@pytest.mark.parametrize("name", list(odd_maps()))
+@pytest.mark.parametrize("name", ODD)
 @pytest.mark.parametrize("group", [1, 4, 99])
 def test_ends_well_on_any_map(name, group):
     child = assert_laws(GeneExchange(rate=1, group=group), odd_maps()[name], 0)

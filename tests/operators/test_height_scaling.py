@@ -9,7 +9,7 @@ from codes import uniformly
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from leaves import draw_pavement
-from rearranged import assert_laws, district, odd_maps, town
+from rearranged import ODD, assert_laws, district, odd_maps, town
 from towns import draw_town
 
 import evocity
@@ -275,7 +275,7 @@ def test_fits_are_the_best_within_the_cap(sigma_max):
             assert (errors(other) >= np.where(least > 0.05, least, 0) - 2e-3).all()
 
 
-@pytest.mark.parametrize("name", list(odd_maps()))
+@pytest.mark.parametrize("name", ODD)
 @pytest.mark.parametrize("what", ["buildings", "quarters"])
 def test_ends_well_on_any_map(name, what):
     for share in (0.1, 1.0):

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 import evocity
@@ -90,6 +90,7 @@ def test_a_state_is_the_same_after_json(city, faces, edited, touched, changes):
 
 
 @given(st.recursive(st.none() | st.integers() | st.text() | st.floats(), lambda one: st.lists(one)))
+@example("")
 def test_a_strange_record_is_no_plan(value):
     assert InheritedPlan.from_made({"plan": value}) is None
     good = InheritedPlan("a", 9).as_dict()

@@ -9,7 +9,7 @@ import pytest
 from codes import uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rearranged import district, odd_maps, town
+from rearranged import ODD, district, odd_maps, town
 from towns import draw_town
 
 import evocity
@@ -484,7 +484,7 @@ def test_real_districts_keep_their_buildings_whole(pair):
         assert integrity_of(child, cities) > 0.9
 
 
-@pytest.mark.parametrize("name", list(odd_maps()))
+@pytest.mark.parametrize("name", ODD)
 def test_ends_well_on_any_map(name):
     odd = odd_maps()[name]
     other = town() if odd.pavement == town().pavement else odd

@@ -8,7 +8,7 @@ import pytest
 from codes import stones, uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rearranged import district, odd_maps, town
+from rearranged import ODD, district, odd_maps, town
 from towns import draw_town
 
 from evocity import isometries
@@ -348,7 +348,7 @@ def test_it_keeps_more_buildings_whole_than_squares_do():
     assert kept[RegionFusion] > kept[PavementFusion] + 0.1
 
 
-@pytest.mark.parametrize("name", list(odd_maps()))
+@pytest.mark.parametrize("name", ODD)
 @pytest.mark.parametrize("void", [False, True])
 def test_ends_well_on_any_map(name, void):
     odd = odd_maps()[name]

@@ -9,7 +9,7 @@ import pytest
 from codes import stones, uniformly
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rearranged import assert_laws, district, odd_maps, town
+from rearranged import ODD, assert_laws, district, odd_maps, town
 from towns import draw_town
 
 import evocity
@@ -298,7 +298,7 @@ def test_what_is_not_admissible_stays():
         assert child.made["relocated"] == 0
 
 
-@pytest.mark.parametrize("name", list(odd_maps()))
+@pytest.mark.parametrize("name", ODD)
 @pytest.mark.parametrize("mode", ["move", "copy"])
 @pytest.mark.parametrize("shape", ["square", "buildings"])
 def test_ends_well_on_any_map(name, mode, shape):

@@ -193,6 +193,9 @@ def _read(state: Mapping) -> InheritedPlan | None:
     """Read a state; returns None or raises for a strange one."""
     if state["version"] != STATE_VERSION or not isinstance(state["city"], str):
         return None
+    lists = state["changes"], state["genes"], state["edited"], state.get("touched", ())
+    if not all(isinstance(one, list | tuple) for one in lists):
+        return None
     count = _whole(state["faces"], 1)
     changes = tuple(state["changes"])
     if not all(isinstance(change, Mapping) for change in changes):
