@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import format_writers as w
@@ -24,20 +25,21 @@ import signal, sys
 from pathlib import Path
 from evocity.errors import MapError
 from evocity.io import read_map
-read = refused = 0
-for path in sorted(Path(sys.argv[1]).iterdir()):
-    if path.name.endswith((".aux.xml", ".msk", ".prj")):
-        continue  # beside a raster
-    signal.alarm({seconds})  # ends the process
-    try:
-        read_map(path, pixels=32)
-        read += 1
-    except MapError as error:
-        assert all(error.args), path
-        refused += 1
-    except BaseException as error:
-        print(path.name, type(error).__name__, error)
-print("done", read, refused)
+for folder in sys.argv[1:]:
+    read = refused = 0
+    for path in sorted(Path(folder).iterdir()):
+        if path.name.endswith((".aux.xml", ".msk", ".prj")):
+            continue  # beside a raster
+        signal.alarm({seconds})  # ends the process
+        try:
+            read_map(path, pixels=32)
+            read += 1
+        except MapError as error:
+            assert all(error.args), path
+            refused += 1
+        except BaseException as error:
+            print(path, type(error).__name__, error)
+    print("done", read, refused)
 """
 
 
@@ -114,9 +116,30 @@ def damaged(rng: np.random.Generator, content: bytes) -> bytes:
     return bytes(found)
 
 
-def fuzz(folder: Path, suffix: str, count: int) -> tuple[int, ...]:
-    """Read ``count`` damaged files; return how many were read, and how many refused."""
-    (folder / "damaged").mkdir()
+def fuzz(folder: Path, suffixes: Sequence[str], count: int) -> dict[str, list[int]]:
+    """Read ``count`` damaged files of each format, one after another in one process; return how
+    many were read, and how many refused."""
+    places = [damage(folder / suffix.strip("."), suffix, count) for suffix in suffixes]
+    before = [sorted(place.rglob("*")) for place in places]
+    run = subprocess.run(
+        [sys.executable, "-c", READ.format(seconds=SECONDS), *map(str, places)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert [sorted(place.rglob("*")) for place in places] == before
+    assert run.returncode == 0, (run.returncode, run.stdout[-2000:], run.stderr[-2000:])
+    told = [line.split() for line in run.stdout.splitlines()]
+    assert [first for first, *_ in told] == ["done"] * len(places), run.stdout[-2000:]
+    assert not run.stderr
+    return {
+        suffix: [*map(int, counts)] for suffix, (_, *counts) in zip(suffixes, told, strict=True)
+    }
+
+
+def damage(folder: Path, suffix: str, count: int) -> Path:
+    """Write ``count`` damaged files of a format; return the folder of them alone."""
+    (folder / "damaged").mkdir(parents=True)
     path = whole(folder, suffix)
     rng = np.random.default_rng([KINDS.index(suffix), count])
     for number in range(count):
@@ -136,30 +159,19 @@ def fuzz(folder: Path, suffix: str, count: int) -> tuple[int, ...]:
                 os.link(path.with_suffix(".prj"), target.with_suffix(".prj"))
             if suffix in SIDECARS:
                 os.link(path.with_name("a.tif"), target.parent / f"{number:04}.tif")
-    before = sorted((folder / "damaged").rglob("*"))
-    run = subprocess.run(
-        [sys.executable, "-c", READ.format(seconds=SECONDS), str(folder / "damaged")],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert sorted((folder / "damaged").rglob("*")) == before
-    assert run.returncode == 0, (run.returncode, run.stdout[-2000:], run.stderr[-2000:])
-    assert run.stdout.startswith("done "), run.stdout[-2000:]
-    assert not run.stderr
-    return tuple(map(int, run.stdout.split()[1:]))
+    return folder / "damaged"
 
 
-@pytest.mark.parametrize("suffix", KINDS)
-def test_twenty_damaged_files(tmp_path, suffix):
-    assert sum(fuzz(tmp_path, suffix, 20)) == 20
+def test_twenty_damaged_files_of_each_format(tmp_path):
+    counts = fuzz(tmp_path, KINDS, 20)
+    assert {suffix: sum(found) for suffix, found in counts.items()} == dict.fromkeys(KINDS, 20)
 
 
 @pytest.mark.long
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("suffix", KINDS)
 def test_a_thousand_damaged_files(tmp_path, suffix):
-    read, refused = fuzz(tmp_path, suffix, 1000)
+    read, refused = fuzz(tmp_path, [suffix], 1000)[suffix]
     print(f"{suffix}: {read} read, {refused} refused")
     assert read + refused == 1000
     assert refused > 100
