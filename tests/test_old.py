@@ -165,6 +165,7 @@ def test_births_are_decoded_alike_without_their_stones(path):
         np.testing.assert_array_equal(*(city.heights for city in maps))
 
 
+@pytest.mark.slow_cases("run-2")
 def test_a_run_is_shown_and_told(name, tmp_path):
     folder = tmp_path / name
     shutil.copytree(OLD / name, folder)

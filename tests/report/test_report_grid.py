@@ -56,6 +56,7 @@ def test_a_third_descriptor_makes_slices(tmp_path):
         grid_picture(run, "x")
 
 
+@pytest.mark.slow
 def test_grids_of_any_size_are_drawn(small, monkeypatch):
     from evocity.plot import grids
     from evocity.selection.cells import Grid

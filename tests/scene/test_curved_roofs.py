@@ -168,6 +168,7 @@ def test_solids_are_closed(form, roofs, streets):
     assert set(group.attributes["roof"]) == ({"hipped"} if roofs else {CURVED})
 
 
+@pytest.mark.slow_cases("new-york-west-village")
 @pytest.mark.parametrize("name", ["lyon-1er", "new-york-west-village"])
 def test_roofs_of_districts_are_closed(name):
     city = evocity.read_map(name, pixels=96)

@@ -134,6 +134,7 @@ def test_redraws_are_resumed_whatever_the_workers(tmp_path, runs, more):
     assert len(naive_copies(parts)) <= 1
 
 
+@pytest.mark.slow
 def test_omitted_genomes_of_redrawn_births_are_bred_again(tmp_path, runs):
     path = tmp_path / "omitted.toml"
     path.write_text(RECIPE + '[search]\nredraws = 3\n[log]\ngenomes = "front"\n')

@@ -75,7 +75,7 @@ def keeps_the_law(births, window, population=6):
             assert all(parent <= row["id"] - window for parent in row["parents"])
 
 
-@pytest.mark.slow_cases("6", "15")
+@pytest.mark.slow_cases("1", "6", "15")
 @pytest.mark.parametrize("window", [1, 4, 6, 15])
 def test_the_same_births_of_any_number_of_workers(toy, tmp_path, window):
     recipe = windowed(toy, window)

@@ -245,7 +245,7 @@ def test_segments_hold_what_the_single_files_held(writer, monkeypatch):
     assert run.status()["generation"] == 69
 
 
-@pytest.mark.slow_cases("births-40", "membership-1")
+@pytest.mark.slow_cases("births-0", "births-40", "membership-1")
 @pytest.mark.parametrize(
     ("kind", "removed"), [("births", 0), ("births", 40), ("membership", 1), ("membership", 64)]
 )

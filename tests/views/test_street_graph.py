@@ -377,6 +377,7 @@ def test_very_many_buildings():
 # -- real towns ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow_cases("cape-town-salt-river")
 @pytest.mark.parametrize("name", cities())
 def test_real_towns(name):
     city = read_map(name)
