@@ -37,6 +37,13 @@ from evocity.store import RunLog
 from evocity.templates import data_uri, of_few_colours
 
 
+@pytest.fixture(autouse=True)
+def _no_scenes(monkeypatch):
+    """Plans stand in their place: to draw a scene takes longer than all else of a page. Pages of
+    fixtures have scenes."""
+    monkeypatch.setattr(html, "_scene", html._plan)
+
+
 class Page(HTMLParser):
     """Tags, what they fetch, the cards of the gallery; raises on tags that do not match."""
 
