@@ -40,6 +40,7 @@ def naive_ancestors(run, one: int) -> set[int]:
 # -- what there is ---------------------------------------------------------------------------
 
 
+@pytest.mark.slow_cases("run-2", "run-4", "run-6", "run-10")
 @pytest.mark.parametrize("path", OLD, ids=lambda path: path.name)
 def test_runs_of_older_releases_are_asked_alike(path):
     run = evocity.open_run(path)

@@ -31,6 +31,7 @@ def state(view, **changes) -> None:
     view.widget.set_state(changes)
 
 
+@pytest.mark.slow_cases("run-3", "run-5", "run-7", "run-9")
 @pytest.mark.parametrize("path", OLD, ids=lambda path: path.name)
 def test_runs_of_older_releases_are_viewed_alike(path):
     run = evocity.open_run(path)

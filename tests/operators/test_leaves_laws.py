@@ -171,19 +171,18 @@ def test_a_city_bred_with_itself_gives_itself(operator):
             assert np.array_equal(getattr(child, name), getattr(whole, name))
 
 
-@pytest.mark.parametrize("operator", VARIANTS, ids=str)
-def test_what_is_condensed_stands_in_the_child(operator):
+@pytest.mark.parametrize(("operator", "kind"), PAIRED, ids=str)
+def test_what_is_condensed_stands_in_the_child(operator, kind):
     mask = np.zeros((64, 64), bool)
     mask[9:39, 20:53] = True
     layer = Condensation.cut(draw_town(7), mask)
-    for kind in PAIRS:
-        parents = [one.replace(condensation=layer) for one in three(kind)]
-        parents = parents_for(operator, parents)
-        draft = operator.draft(parents, np.random.default_rng(3))
-        assert np.array_equal(draft.intended[mask], layer.heights[mask])
-        child = operator(parents, np.random.default_rng(3))
-        assert child.condensation == layer
-        assert np.array_equal(decode(child).city.heights[mask], layer.heights[mask])
+    parents = [one.replace(condensation=layer) for one in three(kind)]
+    parents = parents_for(operator, parents)
+    draft = operator.draft(parents, np.random.default_rng(3))
+    assert np.array_equal(draft.intended[mask], layer.heights[mask])
+    child = operator(parents, np.random.default_rng(3))
+    assert child.condensation == layer
+    assert np.array_equal(decode(child).city.heights[mask], layer.heights[mask])
 
 
 # -- special cases ------------------------------------------------------------------------------

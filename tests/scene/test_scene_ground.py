@@ -27,8 +27,15 @@ def scene_of(name: str, **how):
     return evocity.scene(city, streets=True, **how)
 
 
-@pytest.mark.parametrize("how", [{}, {"lod": "1.2"}, {"lod": "1.0"}, {"roofs": True}])
-@pytest.mark.parametrize("name", ["drawn", "new-york-west-village", "lyon-1er"])
+@pytest.mark.parametrize(
+    ("name", "how"),
+    [
+        *(("drawn", how) for how in ({}, {"lod": "1.2"}, {"lod": "1.0"}, {"roofs": True})),
+        ("new-york-west-village", {"lod": "1.2"}),
+        ("new-york-west-village", {"roofs": True}),
+        ("lyon-1er", {}),
+    ],
+)
 def test_surfaces_and_buildings_are_one_coverage(name, how):
     scene = scene_of(name, **how)
     groups = [
