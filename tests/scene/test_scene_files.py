@@ -96,6 +96,10 @@ MAPS |= {f"child {n}": functools.partial(lambda n: children()[n], n) for n in ra
 MAPS |= {n: functools.partial(evocity.read_map, n) for n in evocity.cities()}
 
 
+#: Of each operator's children, one or two are read by other programs; the others are slow cases.
+SPARE = [f"child {n}" for n in (2, 3, 5, 6, 8, 9)]
+
+
 @functools.cache
 def scene_of(name: str) -> evocity.scene.Scene:
     return evocity.scene(MAPS[name]())
@@ -278,6 +282,7 @@ def test_a_layer_without_areas_is_no_open_ground(tmp_path):
         evocity.read_map(path, layer="street_edges")
 
 
+@pytest.mark.slow_cases(*(f"{name}-{suffix}" for name in SPARE for suffix in MESHES))
 @pytest.mark.parametrize("suffix", MESHES)
 def test_meshes_hold_what_was_written(scene, tmp_path, suffix):
     found = parsed.read(written(scene, tmp_path, suffix))
@@ -323,6 +328,7 @@ def check_forms(group, triangles) -> None:
     assert (np.einsum("nij,nij->n", a, np.cross(b, c)) > 0).all()
 
 
+@pytest.mark.slow_cases(*SPARE)
 def test_glb_is_valid_to_khronos(scene, tmp_path):
     if shutil.which("node") is None or not (NODE / "node_modules" / "gltf-validator").is_dir():
         pytest.skip("node or its gltf-validator is not there: make .venv/installed-node")
@@ -368,6 +374,7 @@ def test_vrml_and_x3d_have_the_same_viewpoint(tmp_path):
     assert -deep < z - y < 0  # it looks down by 45 degrees, and meets the ground
 
 
+@pytest.mark.slow_cases(*(f"{name}-{suffix}" for name in SPARE for suffix in (".wrl", ".x3d")))
 @pytest.mark.parametrize("suffix", [".wrl", ".x3d"])
 def test_view3dscene_reads_it_in_silence(scene, tmp_path, suffix):
     if shutil.which("tovrmlx3d") is None:
@@ -430,6 +437,7 @@ console.log(JSON.stringify(told));
 """
 
 
+@pytest.mark.slow_cases(*SPARE)
 def test_three_js_makes_the_same_solids_of_vrml(scene, tmp_path):
     if shutil.which("node") is None or not (NODE / "node_modules" / "three").is_dir():
         pytest.skip("node or its three is not there: make .venv/installed-node")
@@ -551,6 +559,7 @@ def of_copies() -> evocity.scene.Scene:
     return scene
 
 
+@pytest.mark.slow_cases(*(f"{name}-{suffix}" for name in SPARE for suffix in MESHES))
 @pytest.mark.parametrize("suffix", MESHES)
 def test_meshes_hold_copies_of_objects(tmp_path, suffix):
     test_meshes_hold_what_was_written(of_copies(), tmp_path, suffix)
