@@ -150,9 +150,10 @@ class PavementFusion(Drafting):
         for size in self._sizes(grid, *sizes, len(parents)):
             donor = (donor + 1) % len(parents)
             rows, columns = self._candidates(grid, parents[0].metres_per_pixel, size, rng)
+            bounds = map(float, share_bounds(shares[donor], margin, owner.size))
             inject(
                 current, maps[donor], owner, donor, size, grid.block, rows, columns,
-                self.tolerance, *share_bounds(shares[donor], margin, owner.size),
+                float(self.tolerance), *bounds,
             )  # fmt: skip
             margin *= 0.8
         return Pieces.in_place(owner, grid.block), current

@@ -115,12 +115,12 @@ class RegionFusion(PavementFusion):
         for size, donor, side in zip(sizes, donors, sides, strict=True):
             pixel = parents[0].metres_per_pixel
             corners = np.stack(self._candidates(grid, pixel, size, rng, self.tries), axis=1)
-            bounds = share_bounds(shares[donor], margin, owner.size)
+            bounds = [*map(float, share_bounds(shares[donor], margin, owner.size))]
             for share in _STAGES if self.cut else (1.0,):
                 inject_regions(
                     current, maps[side], owner, side, kin, size, corners, grid.columns,
                     components, buildings, standing, kept,
-                    self.tolerance, share * self.cut, limit, *bounds,
+                    float(self.tolerance), float(share * self.cut), limit, *bounds,
                 )  # fmt: skip
             margin *= 0.8
         give_back(current, maps, owner, buildings, standing)

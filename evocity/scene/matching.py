@@ -160,8 +160,16 @@ class Boards:
         """Compute the IoU of each placing, less four times the share of it on forbidden ground."""
         return tried(
             *(placing.numbers, np.where(placing.mirrored, -1.0, 1.0)),
-            *(placing.object, placing.building, _POINTS, self.inside > 0),
-            *(self.frames[:, 3:], self.sizes, self.cells, self.low, self.step, self.areas),
+            *map(np.ascontiguousarray, (placing.object, placing.building)),
+            *(_POINTS, self.inside > 0),
+            *(
+                np.ascontiguousarray(self.frames[:, 3:]),
+                self.sizes,
+                self.cells,
+                self.low,
+                self.step,
+                self.areas,
+            ),
         )
 
 

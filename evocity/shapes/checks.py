@@ -101,3 +101,11 @@ def piece_count_error(count: int, most: int, more: str = "") -> ShapeError:
         f"at most {most} pieces",
         "choose a smaller depth or larger pixels, or raise the limit with the parameter 'most'",
     )
+
+
+def read_only(array: np.ndarray) -> np.ndarray:
+    """View an ``array`` in C order so that nobody writes: numba compiles a kernel once more for
+    arrays that can be written."""
+    view = np.ascontiguousarray(array).view()
+    view.flags.writeable = False
+    return view

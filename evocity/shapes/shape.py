@@ -17,6 +17,7 @@ from evocity.shapes.checks import (
     finite_language_error,
     maps_of,
     piece_count_error,
+    read_only,
 )
 from evocity.shapes.contraction import Contraction, check_contraction, contraction_of
 from evocity.shapes.languages import Language, ShapeError
@@ -258,9 +259,8 @@ class Shape:
         ends = corners(self.box)
         if self.primitive is not None:
             ends = np.vstack([ends, primitive.points])
-        mix = float(self.mix)
-        walked_pieces = walk(self.maps, automaton, ends, depth, fine, self._base, mix, most)
-        return Pieces(*walked_pieces, primitive)
+        base, mix = self._base, float(self.mix)
+        return Pieces(*walk(self.maps, automaton, ends, depth, fine, base, mix, most), primitive)
 
     @property
     def _base(self) -> np.ndarray:
@@ -281,15 +281,15 @@ class Shape:
         floats along an additional axis. Pieces of later words paint over pieces of earlier words.
         Raises `ShapeError` for more pieces than the limit ``most``.
         """
-        base = self._base
-        marks = np.zeros(side**self.size, np.uint8)
+        base, marks = read_only(self._base), np.zeros(side**self.size, np.uint8)
         paint = np.zeros((marks.size, base.shape[1]))
         grid = marks, paint, self.box.mean(axis=0), float(scale), np.array(offset, float), side
         if not self.language.lasts:
             raise finite_language_error()
         count = walked(
-            self.maps, *self._endless_automaton, corners(self.box), DEEPEST, (1 + 1e-9) / scale,
-            base, float(self.mix), _NO_MAPS[self.size], _NO_LENGTHS, _NO_COLOURS, grid, most,
+            *map(read_only, (self.maps, *self._endless_automaton)), corners(self.box), DEEPEST,
+            (1 + 1e-9) / scale, base, float(self.mix),
+            _NO_MAPS[self.size], _NO_LENGTHS, _NO_COLOURS, grid, most,
         )  # fmt: skip
         if count > most:
             raise piece_count_error(count, most, " or more")
@@ -435,7 +435,7 @@ def walk(
         products = np.empty((room, size, size + 1))
         lengths, colours = np.empty(room, np.int64), np.empty((room, base.shape[1]))
         count = walked(
-            maps, *automaton, ends, depth, fine, base, mix,
+            *map(read_only, (maps, *automaton)), ends, depth, fine, read_only(base), mix,
             products, lengths, colours, _NO_GRID, most,
         )  # fmt: skip
         if count > most:

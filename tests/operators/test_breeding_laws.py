@@ -378,7 +378,8 @@ def test_kernels_against_their_naive_twins():
         )
     owner = rng.integers(0, 2, (6, 8))
     rows, columns = np.divmod(rng.permutation(5 * 7), 7)
-    for tolerance, least, most in [(3.4, 40, 48), (3.2, 30, 33), (0, 48, 48), (99, 10, 48)]:
+    for told in [(3.4, 40, 48), (3.2, 30, 33), (0, 48, 48), (99, 10, 48)]:
+        tolerance, least, most = map(float, told)
         truth = naive.inject(
             current, brought, owner, 1, 2, 4, rows, columns, tolerance, least, most
         )

@@ -462,7 +462,7 @@ def test_injection_against_its_naive_twin(cut):
         ]:
             corners = np.stack(np.divmod(rng.permutation(49), 7), axis=1)
             asked = kin, 2, corners, 8, components, buildings
-            told = tolerance, cut, limit, least, most
+            told = tolerance, cut, limit, float(least), float(most)
             truth = naive.inject_regions(current, maps[donor], owner, donor, *asked, kept, *told)
             before = owner.copy()
             owned = inject_regions(
