@@ -1,6 +1,7 @@
 """A run of four small generations, for tests that damage it."""
 
 import math
+import shutil
 
 import numpy as np
 import pytest
@@ -11,12 +12,17 @@ from evocity.store import Birth, Header, Member, RunWriter, Source
 
 
 @pytest.fixture
-def whole_run(tmp_path):
+def whole_run(written_once, tmp_path):
     """Path of a closed run: generations 0…8 of two births each, one source city."""
+    return shutil.copytree(written_once, tmp_path / "kept" / "run")
+
+
+@pytest.fixture(scope="session")
+def written_once(tmp_path_factory):
     city = CityMap(np.kron(np.eye(4), np.full((4, 4), 6.0)), 2.0, name="town")
     genome = uniformly(city, block=4).genome
     header = Header(16, 16, 2.0, 0.9, ("town",), "", None, None, 7, 2, "hash", ("gsi",))
-    path = tmp_path / "kept" / "run"
+    path = tmp_path_factory.mktemp("kept") / "run"
     writer = RunWriter.create(
         path, "[run]\n", {}, header, [Source(city, genome)], references=[city]
     )

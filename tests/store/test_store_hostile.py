@@ -208,9 +208,22 @@ def of_type(table, name, kind):
         ("membership", lambda t: t.replace_schema_metadata({})),
     ],
 )
-@pytest.mark.parametrize("generation", [0, 8])
-def test_columns_are_checked(whole_run, file, change, generation):
-    rewrite(whole_run / file / f"generation-{generation:08d}.parquet", change)
+def test_columns_are_checked(whole_run, file, change):
+    rewrite(whole_run / file / "generation-00000000.parquet", change)
+    refused(whole_run)
+
+
+@pytest.mark.parametrize(
+    ("file", "change"),
+    [
+        ("births", lambda t: of_type(t, "id", pa.int64())),
+        ("births", lambda t: t.replace_schema_metadata({})),
+        ("membership", lambda t: t.drop_columns(["rank"])),
+        ("membership", lambda t: of_type(t, "crowding", pa.float64())),
+    ],
+)
+def test_columns_of_the_last_generation_are_checked(whole_run, file, change):
+    rewrite(whole_run / file / "generation-00000008.parquet", change)
     refused(whole_run)
 
 
