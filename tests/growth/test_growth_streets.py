@@ -31,7 +31,7 @@ def fabric(code):
 @pytest.fixture(scope="module")
 def whole(fabric):
     """All that the windows of a test lie within."""
-    return fabric.window(-150, -150, 500, 500)
+    return fabric.window(-300, -300, 800, 800)
 
 
 # -- a function of seed and place -------------------------------------------------------------
@@ -67,11 +67,11 @@ def test_a_small_cache_changes_nothing(code, fabric, monkeypatch):
 
 @settings(max_examples=40, deadline=None)
 @given(
-    top=st.integers(-150, 250), left=st.integers(-150, 250),
+    top=st.integers(-300, 400), left=st.integers(-300, 400),
     height=st.integers(1, 100), width=st.integers(1, 100),
 )  # fmt: skip
 def test_windows_that_overlap_agree(fabric, whole, top, left, height, width):
-    part = whole[top + 150 : top + 150 + height, left + 150 : left + 150 + width]
+    part = whole[top + 300 : top + 300 + height, left + 300 : left + 300 + width]
     assert np.array_equal(fabric.window(top, left, height, width), part)
     # and so do the places that they come from
     y, x = (at - (at - by) % 4 for at, by in zip((top, left), fabric.place, strict=True))
