@@ -39,24 +39,21 @@ PAIRS = (
     ("new-york-west-village", "cape-town-salt-river"),
     ("villeurbanne-gratte-ciel", "lyon-1er"),
 )
-#: Births between two points of a curve, and founders of every setting but smaller populations.
+#: Births between two points of a curve.
 STEP = 48
 #: Changes of the base, section -> key -> value.
 SETTINGS: dict[str, dict[str, dict]] = {
     "base": {},
+    "population 48": {"run": {"population": 48}},
     "tournament 4": {"search": {"tournament": 4}},
     "adapt, hypervolume": {"search": {"adapt": True, "credit": "hypervolume"}},
     "births 12": {"search": {"births": 12}},
-    "population 24": {"run": {"population": 24}},
-    "tournament 4, births 12": {"search": {"tournament": 4, "births": 12}},
-    "adapt, archive": {"search": {"adapt": True, "credit": "archive"}},
-    "tournament 4, adapt, hypervolume": {
-        "search": {"tournament": 4, "adapt": True, "credit": "hypervolume"}
+    "population 48, tournament 4": {"run": {"population": 48}, "search": {"tournament": 4}},
+    "population 48, births 12": {"run": {"population": 48}, "search": {"births": 12}},
+    "population 48, adapt, hypervolume": {
+        "run": {"population": 48},
+        "search": {"adapt": True, "credit": "hypervolume"},
     },
-    "population 96": {"run": {"population": 96}},
-    "tournament 1": {"search": {"tournament": 1}},
-    "tournament 8": {"search": {"tournament": 8}},
-    "births 24": {"search": {"births": 24}},
 }
 
 

@@ -16,9 +16,10 @@ from evocity.errors import RecipeError
 from evocity.recipe.mixture import plan_operators, usual_operators
 from evocity.recipe.reader import recipe_of
 from evocity.recipe.sections import GenomeSection
+from evocity.search.calibration import recipe_text
 from evocity.search.calibration.calibration import BESIDE
 from evocity.search.calibration.recipe_notes import _note_best, _note_heights
-from evocity.search.calibration.recipe_text import MANY_BIRTHS, Goal
+from evocity.search.calibration.recipe_text import MANY_BIRTHS, Goal, RecipeSettings
 from evocity.search.preparation.preparation import prepare
 
 #: Of what children have of their sources, too little for a bound of .5.
@@ -52,6 +53,22 @@ def test_run_refuses_a_guard_that_no_parent_keeps(tmp_path):
 
 
 # -- a recipe to begin from --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("parents", "cores", "living", "births"),
+    [(1, 2, 24, None), (2, 8, 24, None), (2, 9, 24, 27), (3, 12, 36, None), (3, 16, 36, 48)],
+)
+def test_twelve_individuals_of_each_parent_live_and_each_core_has_three_births(
+    monkeypatch, parents, cores, living, births
+):
+    monkeypatch.setattr(recipe_text, "available_cores", lambda: cores)
+    settings = RecipeSettings("night", [{"map": "lyon-1er"}] * parents)
+    goals = [Goal(evocity.fitness.get("alignment"))]
+    recipe = recipe_of(recipe_text.recipe_text(settings, goals, []), None, {}, "night.toml")
+    assert (recipe.run.population, recipe.search.births) == (living, births)
+    assert recipe.generation_size == (births or living)
+
 
 OWN = """
 import evocity
@@ -199,11 +216,11 @@ def test_the_goals_are_the_users_and_the_guard_is_calibrated(night):
         name: {key: one for key, one in zip(("min", "max"), pair, strict=True) if one is not None}
         for name, pair in bounds.items()
     }
-    assert told["births"] == 48 * (recipe.run.generations + 1)
+    assert told["births"] == recipe.generation_size * (recipe.run.generations + 1)
     pace = (told["seconds"] + BESIDE) / recipe.worker_count
     assert told["duration"] == pytest.approx(told["births"] * pace)
     night = 8 * 3600
-    assert night - 48 * pace < told["duration"] <= night
+    assert night - recipe.generation_size * pace < told["duration"] <= night
     assert recipe.log.genomes == ("survivors" if told["births"] > MANY_BIRTHS else "all")
 
 

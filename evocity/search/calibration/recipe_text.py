@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from evocity import operators
+from evocity.coding.matching import available_cores
 from evocity.fitness import Measure
 from evocity.recipe.mixture import OperatorEntry, plan_operators, usual_operators
 from evocity.recipe.sections import GenomeSection
@@ -20,19 +21,32 @@ MANY_BIRTHS = 50_000
 @dataclass(frozen=True)
 class RecipeSettings:
     """The user's choices for a recipe: its ``name``, ``parents`` as [[parents]] has them, window,
-    ``seed``, and length in ``generations``, or in ``minutes`` on all cores. ``by``: who writes it.
-    ``locked``: keys of [locked]."""
+    ``seed``, and length in ``generations``, or in ``minutes`` on all cores. ``population``: 12 for
+    each parent, and 24 at least, if it is None. ``by``: who writes it. ``locked``: keys of
+    [locked]."""
 
     name: str
     parents: Sequence[Mapping[str, Any]]
     pixels: int = 256
     metres_per_pixel: float = 2.0
-    population: int = 48
+    population: int | None = None
     generations: int = 100
     seed: int = 7
     minutes: float | None = None
     by: str = "`evocity recipe new`"
     locked: Mapping[str, Any] | None = None
+
+    @property
+    def living(self) -> int:
+        """The number of individuals that live; benchmarks/README.md, "Settings of a search"."""
+        return self.population or max(24, 12 * len(self.parents))
+
+    @property
+    def births(self) -> int | None:
+        """Births of a generation: three for each core, if these are more than live. None for as
+        many as live."""
+        births = 3 * available_cores()
+        return births if births > self.living else None
 
 
 @dataclass(frozen=True)
@@ -140,6 +154,8 @@ _OF_LAW = "The nearer the target, the better: the parents' maps have the law, so
 _CONSTRAINT = "No goal: every birth should keep these bounds."
 _LOCKED = "pixels that no birth changes"
 _TARGET = "The nearer the target, the better."
+_AS_MANY = ", and births in each generation"
+_BIRTHS = "in each generation: three for each core, so that few cores wait"
 _GENOMES = "genomes of other births are bred again when they are needed"
 _RELAXED = (
     "A code of a parent has more than that: the bound is the largest value of the parents' codes."
@@ -170,10 +186,15 @@ def recipe_text(
         _head(settings, cost),
         _table(
             "[run]",
-            {key: getattr(settings, key) for key in ("name", "seed", "population", "generations")},
+            {
+                "name": settings.name,
+                "seed": settings.seed,
+                "population": settings.living,
+                "generations": settings.generations,
+            },
             {
                 "seed": "the same seed, the same births",
-                "population": "individuals alive, and births in each generation",
+                "population": "individuals alive" + ("" if settings.births else _AS_MANY),
             },
         ),
         _table(
@@ -185,7 +206,7 @@ def recipe_text(
         *([_table("[locked]", settings.locked, {}, _LOCKED)] if settings.locked else []),
         _genome(),
         _operators(len(settings.parents)),
-        *([_search()] if len(settings.parents) > 1 else []),
+        *_search(settings),
         _comment("-- goals: what the search improves " + "-" * 50),
         *(
             _goal(goal, None if goal.within else guarded.pop(goal.measure.name, None), values)
@@ -209,7 +230,7 @@ def recipe_text(
         _table("[evaluation]", {"timeout": 60}, {"timeout": "seconds that one individual may take"})
         + "# workers = 2            # processes that evaluate; one a core while this is a comment\n"
     )
-    if settings.population * (settings.generations + 1) > MANY_BIRTHS:
+    if (settings.births or settings.living) * (settings.generations + 1) > MANY_BIRTHS:
         parts.append(_table("[log]", {"genomes": "survivors"}, {"genomes": _GENOMES}))
     return "\n".join(parts)
 
@@ -300,9 +321,13 @@ SEARCH_KEYS: Mapping[str, tuple[float, str]] = {
 }
 
 
-def _search() -> str:
-    values = {key: value for key, (value, _) in SEARCH_KEYS.items()}
-    return _table("[search]", values, {key: about for key, (_, about) in SEARCH_KEYS.items()})
+def _search(settings: RecipeSettings) -> list[str]:
+    keys = SEARCH_KEYS if len(settings.parents) > 1 else {}
+    if settings.births:
+        keys = {"births": (settings.births, _BIRTHS)} | keys
+    values = {key: value for key, (value, _) in keys.items()}
+    notes = {key: note for key, (_, note) in keys.items()}
+    return [_table("[search]", values, notes)] if keys else []
 
 
 def _parent(entry: Mapping[str, Any], uncredited: bool) -> str:
