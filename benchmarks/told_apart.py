@@ -192,7 +192,10 @@ def measure(place: Place, pictures: bool) -> None:
                 NAMES[:] = list(found)
                 rows.append(list(found.values()))
                 quadrants.append(quadrant)
-        place.windows[side] = np.array(rows).reshape(len(rows), len(NAMES)), np.array(quadrants, int)
+        place.windows[side] = (
+            np.array(rows).reshape(len(rows), len(NAMES)),
+            np.array(quadrants, int),
+        )
     if not pictures:
         return
     seen, quadrants = [], []
