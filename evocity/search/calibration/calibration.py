@@ -163,7 +163,7 @@ def _with_generations(settings: RecipeSettings, recipe: Recipe, seconds: float) 
     ``seconds``; at least one."""
     if settings.minutes is None:
         return settings
-    pace = (settings.births or settings.living) * _pace(seconds, recipe)
+    pace = recipe.generation_size * _pace(seconds, recipe)
     bred = 60 * settings.minutes / max(pace, 1e-9) - 1  # the first population takes as long
     return replace(settings, generations=max(1, min(int(bred), MOST_GENERATIONS)))
 

@@ -38,6 +38,22 @@ def hash_blocks(pixels, block, about, blocks):
 
 
 @kernel
+def _hash_lines(values, before, factors, turned):
+    """turned[j, i] gets two hashes of values[i], from ``before`` places before j on: as many as
+    there are ``factors``."""
+    rows, columns = values.shape[:2]
+    for i in range(rows):
+        for j in range(columns):
+            one, two = np.uint64(0), np.uint64(0)
+            for n in range(len(factors)):
+                v = j - before + n
+                inside = 0 <= v < columns
+                one += factors[n, 0] * (values[i, v, 0] if inside else BEYOND)
+                two += factors[n, 1] * (values[i, v, 1] if inside else BEYOND)
+            turned[j, i, 0], turned[j, i, 1] = _mixed(one, ONE), _mixed(two, TWO)
+
+
+@kernel
 def hash_windows(blocks, before, after, keys):
     """keys[i, j] gets two hashes of the ``blocks`` from ``before`` rows and columns before (i, j)
     to ``after`` rows and columns after it. Blocks beyond the map have one value."""
@@ -49,25 +65,9 @@ def hash_windows(blocks, before, after, keys):
         one, two = _mixed(one + np.uint64(n), TWO), _mixed(two + np.uint64(n), ONE)
         factors[n // count, n % count, 0] = one | np.uint64(1)
         factors[n // count, n % count, 1] = two | np.uint64(1)
-    lines = np.empty((rows, columns, 2), np.uint64)
-    for i in range(rows):
-        for j in range(columns):
-            one, two = np.uint64(0), np.uint64(0)
-            for n in range(count):
-                v = j - before + n
-                inside = 0 <= v < columns
-                one += factors[0, n, 0] * (blocks[i, v, 0] if inside else BEYOND)
-                two += factors[0, n, 1] * (blocks[i, v, 1] if inside else BEYOND)
-            lines[i, j, 0], lines[i, j, 1] = _mixed(one, ONE), _mixed(two, TWO)
-    for i in range(rows):
-        for j in range(columns):
-            one, two = np.uint64(0), np.uint64(0)
-            for n in range(count):
-                u = i - before + n
-                inside = 0 <= u < rows
-                one += factors[1, n, 0] * (lines[u, j, 0] if inside else BEYOND)
-                two += factors[1, n, 1] * (lines[u, j, 1] if inside else BEYOND)
-            keys[i, j, 0], keys[i, j, 1] = _mixed(one, ONE), _mixed(two, TWO)
+    lines = np.empty((columns, rows, 2), np.uint64)
+    _hash_lines(blocks, before, factors[0], lines)
+    _hash_lines(lines, before, factors[1], keys)
 
 
 @kernel
